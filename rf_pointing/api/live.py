@@ -121,8 +121,8 @@ def track(request: TrackRequest) -> TrackResult:
 
 
 def scan(
-    client: StationClient, target: str, *, station: str = "", output: Path | None = None, table: Path | None = None,
-    **pattern: Any,
+    client: StationClient, target: str, *, station: str = "", output: Path | None = None,
+    table: Path | None = None, **pattern: Any,
 ) -> bool:  # fmt: skip
     """Scan with a station that runs, and say what was found; return whether it is complete.
 

@@ -85,9 +85,8 @@ class ScanRequest:
         flux, beam_rad = self.flux(t_s), math.radians(self.station.beamwidth_deg)
         fastest, hardest = (SHARE * min(each) for each in self.station.controller.machine.planned)
         beams = POINT_BEAMS if self.pattern.endswith("_point") else HALF_WIDTH_BEAMS
-        half_rad = angle_rad(
-            "half_width", self.half_width_deg, None, beams * beam_rad + (flux.radius_rad if flux else 0.0)
-        )
+        wide_rad = beams * beam_rad + (flux.radius_rad if flux else 0.0)
+        half_rad = angle_rad("half_width", self.half_width_deg, None, wide_rad)
         rate = angle_rad("rate", self.rate_deg_s, None, min(beam_rad / BEAM_S, fastest))
         drift = self.pattern == "drift"
         if drift:
@@ -125,8 +124,8 @@ class ScanRequest:
                 return passes(self.target, start_t_s=from_s, hours=hours, mask_rad=lowest_rad)[0]
         longest_s = max((one.duration_s for one in up), default=0.0)
         raise ValueError(
-            f"{self.target.name} is above {math.degrees(lowest_rad):.1f} deg for {longest_s:.0f} s at "
-            f"most in the day after {utc_text(start_t_s)}, the scan takes {needed_s:.0f} s"
+            f"{self.target.name} is above {math.degrees(lowest_rad):.1f} deg for {longest_s:.0f} s "
+            f"at most in the day after {utc_text(start_t_s)}, the scan takes {needed_s:.0f} s"
         )
 
     def result(self, taken: ScanSamples) -> "ScanResult":
@@ -137,7 +136,8 @@ class ScanRequest:
         self.require_dark(middle_s, flux)
         strength = sky = None
         if len(taken):
-            look, noise_k = track.sample(t_s), partial(system_noise_k, signal.noise, signal.atmosphere)
+            look = track.sample(t_s)
+            noise_k = partial(system_noise_k, signal.noise, signal.atmosphere)
             if flux is not None:
                 sky = noise_k(np.abs(taken.elevation_rad)) / noise_k(np.abs(look.elevation_rad))
             elif not track.target.at_infinity:
@@ -153,15 +153,16 @@ class ScanRequest:
             motion.elevation_rate_rad_s, motion.azimuth_acceleration_rad_s2,
             motion.elevation_acceleration_rad_s2,
         )  # fmt: skip
-        (azimuth_rad,), (elevation_rad,) = motion.azimuth_rad.tolist(), motion.elevation_rad.tolist()
+        azimuth_rad, elevation_rad = float(motion.azimuth_rad[0]), float(motion.elevation_rad[0])
         right_rad, up_rad = fit.offset_rad
         found = None
         if flux is not None:
             dish = station.description.content.dish
+            stated_k = system_noise_k(signal.noise, signal.atmosphere, elevation_rad)
             found = figures(
                 fit.y_factor(), flux, station.frequency_hz, signal.beam, gain_dbi=signal.gain_dbi,
                 air_loss_db=float(atmosphere_loss_db(signal.atmosphere, elevation_rad)),
-                system_noise_k=float(system_noise_k(signal.noise, signal.atmosphere, elevation_rad)),
+                system_noise_k=float(stated_k),
                 diameter_m=dish.diameter_m if dish else None,
             )  # fmt: skip
         return ScanResult(
@@ -199,8 +200,9 @@ class ScanRequest:
         own_k /= DiscResponse(signal.beam).correction(radius)
         if adds_k > LARGEST_SUN * own_k:
             raise ValueError(
-                f"the Sun is {math.degrees(apart_rad):.1f} deg from {flux.name}: a side lobe may add "
-                f"{adds_k:.2g} K to the {own_k:.2g} K of the source, must be <= {LARGEST_SUN * own_k:.2g} K"
+                f"the Sun is {math.degrees(apart_rad):.1f} deg from {flux.name}: a side lobe may "
+                f"add {adds_k:.2g} K to the {own_k:.2g} K of the source, must be <= "
+                f"{LARGEST_SUN * own_k:.2g} K"
             )
 
 
@@ -235,8 +237,12 @@ def simulated(
     request.require_dark(start_t_s, request.flux(start_t_s))
     one = request.window(start_t_s)
     flux_sfu = request.sun_flux_sfu or 0.0
-    receiver: dict[str, object] = {"signal.receiver.noise_bandwidth_hz": bandwidth_hz, "signal.sun_flux_sfu": flux_sfu}
-    own: dict[str, dict[str, object]] = {"rf_receiver": receiver}
+    own: dict[str, dict[str, object]] = {
+        "rf_receiver": {
+            "signal.receiver.noise_bandwidth_hz": bandwidth_hz,
+            "signal.sun_flux_sfu": flux_sfu,
+        }
+    }  # fmt: skip
     allowed = SUN_ALLOWED if request.target.name == SUN else {}
     for node, values in [*allowed.items(), *(changes or {}).items()]:
         own[node] = own.get(node, {}) | dict(values)

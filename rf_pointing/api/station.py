@@ -414,16 +414,18 @@ class Station:
         """
         at_s = time_s("start", start, start_t_s)
         request = ScanRequest(station=self, target=target, **scan)
-        return simulated(request, target.first_t_s if at_s is None else at_s, seed, bandwidth_hz, changes)
+        at_s = target.first_t_s if at_s is None else at_s
+        return simulated(request, at_s, seed, bandwidth_hz, changes)
 
     def simulate_scan(
         self, one: StationPass, program: ScanProgramParams, taken: ScanSamples, seed: int,
         changes: Mapping[str, Mapping[str, object]],
     ) -> str:  # fmt: skip
         """Let the simulated station scan, and return "" or why the scan is not complete."""
-        setup = self._setup(one, seed, taken, changes)
-        log = simulate_pass(setup, one.window, math.floor(one.aos_t_s) - BEFORE_S, Sensor.PROGRAM, scan=program)
-        return "" if log.ended == SCANNED else log.fault or log.ended or "it takes longer than the target is up"
+        setup, start_s = self._setup(one, seed, taken, changes), math.floor(one.aos_t_s) - BEFORE_S
+        log = simulate_pass(setup, one.window, start_s, Sensor.PROGRAM, scan=program)
+        late = "it takes longer than the target is up"
+        return "" if log.ended == SCANNED else log.fault or log.ended or late
 
     def track(self, one: StationPass, **options: Any) -> Any:
         """Track a pass with the live graph of this station (ROS), record it and report on it.

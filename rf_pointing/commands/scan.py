@@ -28,11 +28,13 @@ from rf_pointing.commands.options import (
 )
 from rf_pointing.commands.options import seed as seed_of
 from rf_pointing.core.dates import parse_utc
+from rf_pointing.radiometry.sources import FLUX_SOURCES
 from rf_pointing.tracking.scan_program import FRAMES, PATTERNS
 
 PROGRAM = "scan"
 FIELDS = (
-    "pattern", "frame", "half_width_deg", "rate_deg_s", "baseline_deg", "dwell_s", "lines", "repetitions", "sun_flux_sfu"
+    "pattern", "frame", "half_width_deg", "rate_deg_s", "baseline_deg", "dwell_s", "lines", "repetitions",
+    "sun_flux_sfu",
 )  # fmt: skip
 """Options of the pattern, by the fields of the request."""
 
@@ -48,7 +50,8 @@ def add_pattern(add: Any) -> None:
     )
     add("--half-width", dest="half_width_deg", type=between(0.001, 20.0), metavar="DEG",
         help="from the target to the edge (default: 1.5 beamwidths and the source)")  # fmt: skip
-    add("--rate", dest="rate_deg_s", type=between(1e-4, 10.0), metavar="DEG/S", help="(default: a beamwidth in 4 s)")
+    add("--rate", dest="rate_deg_s", type=between(1e-4, 10.0), metavar="DEG/S",
+        help="(default: a beamwidth in 4 s)")  # fmt: skip
     add("--baseline", dest="baseline_deg", type=between(0.0, 30.0), metavar="DEG",
         help="off the source before and after; 0: not (default: on noise only)")  # fmt: skip
     add(
@@ -63,8 +66,8 @@ def add_pattern(add: Any) -> None:
     add("--repetitions", type=int, default=2, help="(default: 2)")
     add("--sun-flux", dest="sun_flux_sfu", type=between(0.1, 1e6), metavar="SFU",
         help="the day's flux of the Sun at this frequency (default: of the quiet Sun)")  # fmt: skip
-    add("--table", type=Path, metavar="FILE", help="append the offset to a table for fit_bias_model")
-    add("--output", type=Path, metavar="DIR", help="folder for numbers (JSON) and picture of each scan")
+    add("--table", type=Path, metavar="FILE", help="append the offset for fit_bias_model")
+    add("--output", type=Path, metavar="DIR", help="folder of numbers (JSON) and pictures")
 
 
 def live_scan(client: Any, **given: Any) -> bool:
@@ -77,11 +80,13 @@ def live_scan(client: Any, **given: Any) -> bool:
 
 def arguments() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
-    parser = argparse.ArgumentParser(prog=PROGRAM, description="Scan sources with a simulated station.")
+    text = "Scan sources with a simulated station."
+    parser = argparse.ArgumentParser(prog=PROGRAM, description=text)
     add = parser.add_argument
-    add("targets", nargs="+", help="Sun, Moon, Cassiopeia A, Cygnus A, Taurus A, Virgo A, or satellites of --elements")
+    add("targets", nargs="+", help=f"{', '.join(FLUX_SOURCES)}, or satellites of --elements")
     add_options(parser, "elements station band")
-    add("--model", dest="bias_model", type=Path, metavar="FILE", help="bias model in force (default: the station's)")
+    add("--model", dest="bias_model", type=Path, metavar="FILE",
+        help="bias model in force (default: the station's)")  # fmt: skip
     add(
         "--start",
         dest="start_s",
@@ -91,7 +96,8 @@ def arguments() -> argparse.ArgumentParser:
         help="begin of the first scan",
     )
     add("--count", type=int, default=1, metavar="N", help="scans (default: 1)")
-    add("--every", type=between(0.1, 1440.0), default=20.0, metavar="MIN", help="from scan to scan (default: 20)")
+    add("--every", type=between(0.1, 1440.0), default=20.0, metavar="MIN",
+        help="from scan to scan (default: 20)")  # fmt: skip
     add("--seed", type=seed_of, default=1, help="seed of every noise source (default: 1)")
     add_pattern(add)
     return parser
@@ -112,7 +118,8 @@ def main(argv: list[str] | None = None) -> None:
             at_s = begin_s + 60.0 * given["every"] * number
             # The next in turn that is up; where none is, the first waits for its rise.
             tried = list(itertools.islice(turn, len(targets)))
-            up = [each for each in tried if station.track_of(each).target_at(at_s).elevation_rad > station.lowest_rad]
+            heights = [station.track_of(each).target_at(at_s).elevation_rad for each in tried]
+            up = [each for each, height in zip(tried, heights, strict=True) if height > station.lowest_rad]
             target = (up or tried)[0]
             while next(turn) is not target:
                 pass

@@ -86,15 +86,15 @@ def moon(orientation: EarthOrientationSource | None = None) -> CelestialTarget:
 def moon_phase_rad(t_s: float) -> float:
     """Return the Moon's ecliptic longitude off that opposite to the Sun: 0 at full, then > 0."""
     sun_at, moon_at = -erfa.epv00(*tt_parts(t_s))[0]["p"], erfa.moon98(*tt_parts(t_s))["p"]
-    along = [math.cos(_OBLIQUITY_RAD) * one[1] + math.sin(_OBLIQUITY_RAD) * one[2] for one in (sun_at, moon_at)]
-    longitudes = [math.atan2(y, one[0]) for y, one in zip(along, (sun_at, moon_at), strict=True)]
+    cosine, sine = math.cos(_OBLIQUITY_RAD), math.sin(_OBLIQUITY_RAD)
+    longitudes = [math.atan2(cosine * y + sine * z, x) for x, y, z in (sun_at, moon_at)]
     return math.remainder(longitudes[1] - longitudes[0] - math.pi, math.tau)
 
 
 # Largest error in arcsec from 1800 to 2050, in the order of plan94's numbers; the third is Earth.
 PLANETS = {
-    "Mercury": 4.0, "Venus": 5.0, "": 6.0, "Mars": 17.0, "Jupiter": 71.0, "Saturn": 81.0, "Uranus": 86.0,
-    "Neptune": 11.0,
+    "Mercury": 4.0, "Venus": 5.0, "": 6.0, "Mars": 17.0, "Jupiter": 71.0, "Saturn": 81.0,
+    "Uranus": 86.0, "Neptune": 11.0,
 }  # fmt: skip
 
 
@@ -130,8 +130,10 @@ class RadioSource:
     def target(self, orientation: EarthOrientationSource | None = None) -> CelestialTarget:
         """Return the source as a target; its range is set to one light year and means nothing."""
         place = erfa.s2c(self.right_ascension_rad, self.declination_rad)
-        east = np.array([-math.sin(self.right_ascension_rad), math.cos(self.right_ascension_rad), 0.0])
-        motion = self.motion_east_rad_year * east + self.motion_north_rad_year * np.cross(place, east)
+        sine, cosine = math.sin(self.right_ascension_rad), math.cos(self.right_ascension_rad)
+        east = np.array([-sine, cosine, 0.0])
+        motion = self.motion_east_rad_year * east
+        motion = motion + self.motion_north_rad_year * np.cross(place, east)
 
         def direction(t_s: Any) -> Vector:
             # On a straight line in space, as long as the motion is small against a radian.
@@ -192,10 +194,9 @@ def own_place(text: str) -> RadioSource:
     if len(words) not in (2, 5):
         raise ValueError(f"satellite={text!r} must be {OWN_PLACE} RA DEC [EAST NORTH EPOCH] in deg, mas/year, year")
     numbers = [as_number(word, text) for word in words] + [0.0, 0.0, 2000.0][len(words) - 2 :]
+    right, up, east, north, epoch = numbers
     mas = math.radians(1.0 / 3.6e6)
-    return RadioSource(
-        text, math.radians(numbers[0]), math.radians(numbers[1]), numbers[2] * mas, numbers[3] * mas, numbers[4]
-    )
+    return RadioSource(text, math.radians(right), math.radians(up), east * mas, north * mas, epoch)
 
 
 def as_number(word: str, text: str) -> float:

@@ -158,7 +158,8 @@ def fit_scan(samples: Samples, params: ScanFitParams) -> ScanFit:
     if share > params.most_edited:
         words = ", ".join(f"{count} by {reason}" for reason, count in edited.items())
         raise ValueError(
-            f"{share:.0%} of the powers had to be edited ({words}), must be <= {params.most_edited:.0%}"
+            f"{share:.0%} of the powers had to be edited ({words}), must be <= "
+            f"{params.most_edited:.0%}"
         )
     problem.judge(values, covariance, residual, used)
     freedom = max(int(used.sum()) - len(problem.free(shape)), 1)
@@ -411,15 +412,16 @@ class _Problem:
             )
         if not NARROWEST <= width / self._beamwidth <= WIDEST:
             raise ValueError(
-                f"the beam is {math.degrees(width):.3f} deg wide, must be {NARROWEST:g} to {WIDEST:g} times the "
-                f"{math.degrees(self._beamwidth):.3f} deg of the band: not this source alone"
+                f"the beam is {math.degrees(width):.3f} deg wide, must be {NARROWEST:g} to "
+                f"{WIDEST:g} times the {math.degrees(self._beamwidth):.3f} deg of the band: not this source alone"
             )
         nearest = np.hypot(
             values[X] - taken.cross_elevation_rad, values[Y] - taken.elevation_rad
         ).min()
         if nearest > 0.5 * width + params.radius_rad:
             raise ValueError(
-                f"the target lies {math.degrees(nearest):.3f} deg outside of the scan: scan wider, or from there"
+                f"the target lies {math.degrees(nearest):.3f} deg outside of the scan: "
+                "scan wider, or from there"
             )
         self._judge_time(values, residual, used)
         self._judge_baseline(values, residual, used)
@@ -475,8 +477,8 @@ class _Problem:
         swing = max(abs(float(np.mean((residual * sigma)[part]))) for part in parts)
         if chi_squared > 6.0 and swing > 0.02 * float(values[LEVEL]):
             raise ValueError(
-                f"off the source the power comes and goes by {swing / values[LEVEL]:.0%} of the source's: rain, "
-                "clouds, a gain that drifts, or the air near the horizon"
+                f"off the source the power comes and goes by {swing / values[LEVEL]:.0%} of the "
+                "source's: rain, clouds, a gain that drifts, or the air near the horizon"
             )
 
 

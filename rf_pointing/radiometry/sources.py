@@ -106,7 +106,8 @@ def flux_of(
         return _flux(name, _of_disc(kelvin, wavelength_m), error, DISC_RAD, "RATAN-600 handbook")
     if name not in _SPECTRA:
         raise ValueError(
-            f"name={name!r} has no published flux here; those that have one: {', '.join(FLUX_SOURCES)}"
+            f"name={name!r} has no published flux here; those that have one: "
+            f"{', '.join(FLUX_SOURCES)}"
         )
     one, ghz = _SPECTRA[name], 1e-9 * frequency_hz
     require_between(
@@ -134,7 +135,7 @@ def moon_brightness_k(wavelength_m: float, phase_rad: float) -> tuple[float, flo
     cm = 100.0 * wavelength_m
     if not MOON_CM[0] <= cm:
         raise ValueError(
-            f"wavelength_m={wavelength_m:.4f} must be >= {0.01 * MOON_CM[0]:g} for the Moon's temperature"
+            f"wavelength_m={wavelength_m:.4f} must be >= {0.01 * MOON_CM[0]:g} for the Moon"
         )
     # Longer waves come from where the temperature is constant.
     cm = min(cm, MOON_CM[1])
@@ -155,5 +156,6 @@ def _of_disc(brightness_k: float, wavelength_m: float) -> float:
 
 def _flux(name: str, flux_w_m2_hz: float, error: float, radius_rad: float, source: str) -> Flux:
     return Flux(
-        name=name, flux_w_m2_hz=flux_w_m2_hz, relative_error=error, radius_rad=radius_rad, source=source
+        name=name, flux_w_m2_hz=flux_w_m2_hz, relative_error=error, radius_rad=radius_rad,
+        source=source,
     )  # fmt: skip

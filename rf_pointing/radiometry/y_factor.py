@@ -86,7 +86,8 @@ def figures(
     db = 10.0 / math.log(10.0)
     return Figures(
         y=Sigma(value=y[0], sigma=y[1]), correction=correction, relative_error=flux.relative_error,
-        g_over_t_db_k=Sigma(value=db * math.log(g_over_t), sigma=db * error), system_noise_k=noise, efficiency=efficiency,
+        g_over_t_db_k=Sigma(value=db * math.log(g_over_t), sigma=db * error),
+        system_noise_k=noise, efficiency=efficiency,
     )  # fmt: skip
 
 

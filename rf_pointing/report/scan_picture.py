@@ -25,9 +25,9 @@ def draw_scan(samples: Samples, fit: ScanFit, title: str, path: Path) -> None:
     centre = np.degrees(fit.offset_rad)
     with figure(path, 11.0, 5.2) as drawn:
         grid = drawn.add_gridspec(2, 2, width_ratios=[1.0, 1.25])
-        for row, (name, along, across) in enumerate(
-            (("cross-elevation", x - centre[0], y - centre[1]), ("elevation", y - centre[1], x - centre[0]))
-        ):
+        off = x - centre[0], y - centre[1]
+        for row, name in enumerate(("cross-elevation", "elevation")):
+            along, across = off[row], off[1 - row]
             axes = drawn.add_subplot(grid[row, 0])
             near = np.abs(across) < CUT_BEAMS * math.degrees(fit.values[WIDTH])
             _draw_cut(axes, along[near], gain[near], fit.used[near], AXIS_COLOURS[row])

@@ -48,9 +48,9 @@ class LiveScan(LivePass):
 
             run.node.create_subscription(kind, name, guarded, qos)
 
-        samples = self.samples
-        listen(CarrierPower, "carrier_power", lambda m: samples.take_power(convert.power_from_message(m)))
-        listen(JointState, "joint_states", lambda m: samples.take_joints(convert.joints_from_message(m)))
+        take, power, joints = self.samples, convert.power_from_message, convert.joints_from_message
+        listen(CarrierPower, "carrier_power", lambda m: take.take_power(power(m)))
+        listen(JointState, "joint_states", lambda m: take.take_joints(joints(m)))
         listen(TrackingStatus, "tracking_status", self._take_status)
         listen(PointingModel, "pointing_model", self._take_model, LATCHED)
 

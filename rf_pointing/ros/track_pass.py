@@ -52,7 +52,8 @@ class TrackPassServer:
         self._handle: Any = None
         self._ephemeris = node.create_client(SelectTarget, "ephemeris_publisher/select_target")
         self._kind: Any = TrackPass
-        for kind, name, read in ((TrackPass, "track_pass", goal_from_message), (Scan, "scan", goal_of_scan)):
+        served = (TrackPass, "track_pass", goal_from_message), (Scan, "scan", goal_of_scan)
+        for kind, name, read in served:
             node.serve_goals(
                 kind, name, accepts=self._accepts, begin=partial(self._begin, kind, read),
                 cancel=lambda: self._goals.cancel(), result=self._result,
@@ -93,7 +94,8 @@ class TrackPassServer:
     def _result(self) -> Any:
         given = self._goals.outcome()
         kept = self._kind.Result.get_fields_and_field_types()
-        return self._kind.Result(**{name: given[name] for name in given if name in kept}, target_pass=self._window())
+        mine = {name: given[name] for name in given if name in kept}
+        return self._kind.Result(**mine, target_pass=self._window())
 
     # The port of the goals
 

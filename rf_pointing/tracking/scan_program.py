@@ -40,17 +40,15 @@ class ScanProgramParams(Params):
     """Pattern, size and speed of a scan."""
 
     pattern: str = parameter("cross", "way of the beam", choices=PATTERNS)
-    frame: str = parameter(
-        "cross_elevation", "axes of the pattern: on the sky, of the mount, or celestial", choices=FRAMES
-    )
-    half_width_rad: float = parameter(math.radians(1.0), "from the target to the edge", low=1e-6, high=0.35)
+    frame: str = parameter(ACROSS, "axes: on the sky, of the mount, or celestial", choices=FRAMES)
+    half_width_rad: float = parameter(math.radians(1.0), "to the edge", low=1e-6, high=0.35)
     rate_rad_s: float = parameter(math.radians(0.2), "speed while it measures", low=1e-7, high=0.2)
-    move_rate_rad_s: float = parameter(math.radians(1.0), "speed between two parts", low=1e-6, high=0.2)
-    acceleration_rad_s2: float = parameter(math.radians(0.5), "largest acceleration", low=1e-7, high=1.0)
+    move_rate_rad_s: float = parameter(math.radians(1.0), "between two parts", low=1e-6, high=0.2)
+    acceleration_rad_s2: float = parameter(math.radians(0.5), "largest of all", low=1e-7, high=1.0)
     dwell_s: float = parameter(5.0, "time at each of the points", low=0.1, high=3600.0)
     lines: int = parameter(9, "lines of a raster", low=3, high=101)
     repetitions: int = parameter(2, "times that the pattern is run", low=1, high=1000)
-    baseline_rad: float = parameter(0.0, "off the source, along the first axis (0: not)", low=0.0, high=0.6)
+    baseline_rad: float = parameter(0.0, "off the source, first axis (0: not)", low=0.0, high=0.6)
     baseline_s: float = parameter(5.0, "time off the source", low=0.1, high=3600.0)
 
     def check_together(self) -> None:
@@ -60,7 +58,7 @@ class ScanProgramParams(Params):
                 f"baseline_rad={self.baseline_rad:.5f} must be 0 or >= half_width_rad={self.half_width_rad:.5f}"
             )
         if self.pattern == "drift" and self.frame != EAST:
-            raise ValueError(f"frame={self.frame}: a drift is along right_ascension, where the antenna stands still")
+            raise ValueError(f"frame={self.frame}: a drift is along right_ascension, as the sky is")
 
 
 class ScanProgram:

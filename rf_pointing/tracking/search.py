@@ -147,7 +147,8 @@ class Legs:
         self._rates, self._acceleration = rates_rad_s, acceleration_rad_s2
         self._legs = list(pairwise(corners))
         ways = [self._leg_time_s(leg) for leg in range(len(self._legs))]
-        self._starts = [0.0, *accumulate(map(sum, zip(ways, rests_s or [0.0] * len(ways), strict=True)))]
+        rests = rests_s or [0.0] * len(ways)
+        self._starts = [0.0, *accumulate(map(sum, zip(ways, rests, strict=True)))]
 
     @property
     def duration_s(self) -> float:

@@ -77,10 +77,10 @@ class SignalParams(Params):
     cluster_samples: int = parameter(5, "samples in one cluster", low=3, high=100)
     sample_s: float = parameter(0.02, "time between two samples, that of the boresights", low=0.001, high=0.1)
     seed: int = parameter(1, "seed of every noise source", low=0, high=2**31 - 1)
-    frequency_hz: float = parameter(8.4e9, "received frequency, for the noise of bodies", low=1e6, high=1e11)
-    gain_dbi: float = parameter(68.0, "gain of the antenna, for the noise of bodies", low=-10.0, high=100.0)
+    frequency_hz: float = parameter(8.4e9, "frequency, for the noise of bodies", low=1e6, high=1e11)
+    gain_dbi: float = parameter(68.0, "gain, for the noise of bodies", low=-10.0, high=100.0)
     sun_flux_sfu: float = parameter(
-        0.0, "flux of the Sun at this frequency, in 1e-22 W/m^2/Hz; 0: of the quiet Sun", low=0.0, high=1e6
+        0.0, "flux of the Sun here, in 1e-22 W/m^2/Hz; 0: of the quiet Sun", low=0.0, high=1e6
     )
 
 
@@ -257,11 +257,13 @@ class SimulatedReceiver(ArrivingSignal):
         width = params.beam.half_power_beamwidth_rad
         apart2 = (arriving.cross_elevation_rad**2 + arriving.elevation_rad**2) / width**2
         # Far off there are but side lobes, which a table would reach in vain.
-        gain = self._disc.power(np.minimum(apart2, FARTHEST_BEAMS**2), flux.radius_rad / width, FARTHEST_BEAMS)
+        apart2 = np.minimum(apart2, FARTHEST_BEAMS**2)
+        gain = self._disc.power(apart2, flux.radius_rad / width, FARTHEST_BEAMS)
         source_k = source_noise_k(flux, params.frequency_hz, params.gain_dbi) * gain / loss
         # A source below the horizon is behind the Earth.
         source_k = np.where(self.elevation_rad > 0.0, source_k, 0.0)
-        kelvin = float(np.mean(system_noise_k(params.noise, params.atmosphere, elevation) + source_k))
+        noise_k = system_noise_k(params.noise, params.atmosphere, elevation)
+        kelvin = float(np.mean(noise_k + source_k))
         mean_w = BOLTZMANN_J_K * kelvin * receiver.noise_bandwidth_hz
         sigma = 1.0 / math.sqrt(receiver.noise_bandwidth_hz * integration_s)
         power_w = mean_w * (1.0 + sigma * self._random.standard_normal())

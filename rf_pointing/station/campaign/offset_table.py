@@ -108,7 +108,7 @@ def _source(elements: Sequence[Elements], target: str) -> Elements | TargetSourc
     if (body := body_of(target)) is not None:
         return body
     if not elements:
-        raise ValueError(f"target={target!r} needs --elements FILE: without elements only bodies of the sky")
+        raise ValueError(f"target={target!r} needs --elements FILE: without it only bodies")
     return find_elements(elements, target)
 
 

@@ -237,7 +237,8 @@ class PassGoals:
         seen = statistics.outcome
         why = seen.why_not_tracked(statistics.reason, statistics.fault, core.params.machine.least_share)
         if self._scanned:
-            why = "" if statistics.reason == SCANNED else f"the scan is not complete: {statistics.reason}"
+            early = f"the scan is not complete: {statistics.reason}"
+            why = "" if statistics.reason == SCANNED else early
         right_rad, up_rad = statistics.rms_rad
         return {
             "success": not why, "message": why or statistics.reason, "fault": statistics.fault,

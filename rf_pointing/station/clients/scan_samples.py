@@ -33,7 +33,9 @@ class ScanSamples:
         self._joints.add(reading.t_s, reading.position_rad)
         self._place()
 
-    def take_status(self, t_s: float, scan_centre_rad: Array, _offset_rad: Array, mode: str, _sensor: str, /) -> None:
+    def take_status(
+        self, t_s: float, scan_centre_rad: Array, _offset_rad: Array, mode: str, _sensor: str, /
+    ) -> None:  # fmt: skip
         """Note the centre of the scan, axis angles (2,); another mode ends it."""
         scanned = mode == Mode.PROGRAM_TRACK
         if scanned and not self._scanned:
@@ -71,7 +73,8 @@ class ScanSamples:
             raise ValueError("no power was received while the scan ran: is carrier_power there?")
         ones = np.ones(len(self._rows))
         columns = list(np.array(self._rows).T)[:5]
-        return Samples._make([*columns, *(ones if each is None else each for each in (strength, sky))])
+        given = (ones if each is None else each for each in (strength, sky))
+        return Samples._make([*columns, *given])
 
     @property
     def elevation_rad(self) -> Array:

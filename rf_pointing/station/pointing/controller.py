@@ -166,7 +166,9 @@ class PointingController:
         """Request a calibration scan of the feed; return why not, "" when it will begin."""
         return self._mode.calibrate()
 
-    def start(self, t_s: float, window: Pass, sensor: str, scan: ScanProgramParams | None = None) -> None:
+    def start(
+        self, t_s: float, window: Pass, sensor: str, scan: ScanProgramParams | None = None
+    ) -> None:  # fmt: skip
         """Begin to track a pass; the antenna moves once the pass has its certificate.
 
         With a `scan` the beam is led by it around the predicted target, and the pass ends with it:
@@ -211,13 +213,14 @@ class PointingController:
         """Refuse a scan that is longer than the pass, or faster than the axes."""
         left_s = window.los_t_s - max(t_s, window.aos_t_s)
         if program.duration_s > left_s:
-            raise ValueError(f"the scan takes {program.duration_s:.0f} s; {left_s:.0f} s of the pass are left")
-        planned = self.params.machine.planned
-        for what, needed, most in zip(("rate", "acceleration"), program.demand, planned, strict=True):
+            whole_s = program.duration_s
+            raise ValueError(f"the scan takes {whole_s:.0f} s; {left_s:.0f} s of the pass are left")
+        planned, units = self.params.machine.planned, ("deg/s of rate", "deg/s^2 of acceleration")
+        for unit, needed, most in zip(units, program.demand, planned, strict=True):
             if needed > min(most):
                 raise ValueError(
-                    f"the scan needs {math.degrees(needed):.3g} deg/s{'^2' * (what != 'rate')} of {what}, the axes are "
-                    f"planned with {math.degrees(min(most)):.3g}"
+                    f"the scan needs {math.degrees(needed):.3g} {unit}, the axes are planned with "
+                    f"{math.degrees(min(most)):.3g}"
                 )
 
     def certify(self, t_s: float) -> None:
