@@ -33,8 +33,8 @@ from rf_pointing.tracking.scan_program import FRAMES, PATTERNS
 
 PROGRAM = "scan"
 FIELDS = (
-    "pattern", "frame", "half_width_deg", "rate_deg_s", "baseline_deg", "dwell_s", "lines", "repetitions",
-    "sun_flux_sfu",
+    "pattern", "frame", "half_width_deg", "rate_deg_s", "baseline_deg", "dwell_s", "lines",
+    "repetitions", "sun_flux_sfu",
 )  # fmt: skip
 """Options of the pattern, by the fields of the request."""
 
@@ -119,8 +119,8 @@ def main(argv: list[str] | None = None) -> None:
             # The next in turn that is up; where none is, the first waits for its rise.
             tried = list(itertools.islice(turn, len(targets)))
             heights = [station.track_of(each).target_at(at_s).elevation_rad for each in tried]
-            up = [each for each, height in zip(tried, heights, strict=True) if height > station.lowest_rad]
-            target = (up or tried)[0]
+            up = [place for place, height in enumerate(heights) if height > station.lowest_rad]
+            target = tried[up[0] if up else 0]
             while next(turn) is not target:
                 pass
             try:

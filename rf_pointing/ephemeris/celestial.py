@@ -192,7 +192,8 @@ def own_place(text: str) -> RadioSource:
     """
     words = text.split()[1:]
     if len(words) not in (2, 5):
-        raise ValueError(f"satellite={text!r} must be {OWN_PLACE} RA DEC [EAST NORTH EPOCH] in deg, mas/year, year")
+        form = f"{OWN_PLACE} RA DEC [EAST NORTH EPOCH]"
+        raise ValueError(f"satellite={text!r} must be {form} in deg, mas/year, year")
     numbers = [as_number(word, text) for word in words] + [0.0, 0.0, 2000.0][len(words) - 2 :]
     right, up, east, north, epoch = numbers
     mas = math.radians(1.0 / 3.6e6)

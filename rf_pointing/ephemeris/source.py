@@ -66,8 +66,8 @@ class SourceParams(Params):
     )
     satellite: str = parameter(
         "28057",
-        "catalogue number or name of the satellite in the file, or Sun, Moon, a planet, a radio source or a place "
-        "(radec RA DEC in deg); empty: the first one",
+        "catalogue number or name of the satellite in the file, or Sun, Moon, a planet, a radio source "
+        "or a place (radec RA DEC in deg); empty: the first one",
     )
     site: Site = parameter(SITES["Goldstone DSS-13"], "where the antenna stands")
     along_track_offset_s: float = parameter(0.0, "target ahead of its elements by", low=-60.0, high=60.0)

@@ -413,7 +413,7 @@ class _Problem:
         if not NARROWEST <= width / self._beamwidth <= WIDEST:
             raise ValueError(
                 f"the beam is {math.degrees(width):.3f} deg wide, must be {NARROWEST:g} to "
-                f"{WIDEST:g} times the {math.degrees(self._beamwidth):.3f} deg of the band: not this source alone"
+                f"{WIDEST:g} times the {math.degrees(self._beamwidth):.3f} deg of the band"
             )
         nearest = np.hypot(
             values[X] - taken.cross_elevation_rad, values[Y] - taken.elevation_rad

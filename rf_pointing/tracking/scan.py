@@ -81,7 +81,8 @@ class ScanParams(Params):
         if t_since_start_s <= 0.0:
             return Offset(0.0, 0.0, 0.0, 0.0)
         # Without a ramp the command would jump by the radius, and the axes would ring.
-        radius, radius_rate = (self.radius_rad * part for part in growth(t_since_start_s, self.ramp_s))
+        share, change = growth(t_since_start_s, self.ramp_s)
+        radius, radius_rate = self.radius_rad * share, self.radius_rad * change
         rate = 2.0 * math.pi / self.period_s
         cosine, sine = math.cos(rate * t_since_start_s), math.sin(rate * t_since_start_s)
         return Offset(

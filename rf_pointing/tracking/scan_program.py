@@ -55,7 +55,8 @@ class ScanProgramParams(Params):
         """Refuse a baseline on the source, and a drift that is not along the celestial axis."""
         if self.baseline_rad and self.baseline_rad < self.half_width_rad:
             raise ValueError(
-                f"baseline_rad={self.baseline_rad:.5f} must be 0 or >= half_width_rad={self.half_width_rad:.5f}"
+                f"baseline_rad={self.baseline_rad:.5f} must be 0 or >= "
+                f"half_width_rad={self.half_width_rad:.5f}"
             )
         if self.pattern == "drift" and self.frame != EAST:
             raise ValueError(f"frame={self.frame}: a drift is along right_ascension, as the sky is")
@@ -184,7 +185,7 @@ class _Curve:
             petal, bend = math.sin(5.0 * phase), 5.0 * math.cos(5.0 * phase)
             x, x_rate = petal * cosine, bend * cosine - petal * sine
             y, y_rate = petal * sine, bend * sine + petal * cosine
-        return Offset(*(
-            self._radius * each
-            for each in (share * x, share * y, change * x + share * w * x_rate, change * y + share * w * y_rate)
-        ))  # fmt: skip
+        r, w = self._radius, share * w
+        return Offset(
+            r * share * x, r * share * y, r * (change * x + w * x_rate), r * (change * y + w * y_rate)
+        )  # fmt: skip

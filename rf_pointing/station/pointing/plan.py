@@ -155,7 +155,8 @@ class PassPlan:
         azimuth, elevation = joints.position_rad.tolist()
         rules = PlanningRules(
             model=model, machine=self.machine, mask=self.mask,
-            limits=self._limits.direct() if direct else self._limits, gate=self._gate_params, lag_averaging_s=lag_averaging_s,
+            limits=self._limits.direct() if direct else self._limits, gate=self._gate_params,
+            lag_averaging_s=lag_averaging_s,
         )  # fmt: skip
         slew = partial(self.gate.slew, sun_rad=self.sun.at(t_s))
         self.certificate = certificate_of(

@@ -85,7 +85,8 @@ class ScanNumbers:
         values, fit, flux, got = self.values(), self.fit, self.flux, self.figures
         edited = "".join(f"; edited {count} by {reason}" for reason, count in fit.edited.items())
         lines = [
-            "{target}, {utc}, az {azimuth_deg:.2f} el {elevation_deg:.2f} deg, {band} band, {pattern}",
+            "{target}, {utc}, az {azimuth_deg:.2f} el {elevation_deg:.2f} deg, "
+            "{band} band, {pattern}",
             "  offset {cross_elevation_deg:+.4f} +- {cross_elevation_sigma_deg:.4f} deg across, "
             "{elevation_offset_deg:+.4f} +- {elevation_sigma_deg:.4f} deg up",
             "  beam {beamwidth_deg:.3f} deg ({shape}), ellipticity {ellipticity:.3f}, "
