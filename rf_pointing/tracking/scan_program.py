@@ -55,8 +55,7 @@ class ScanProgramParams(Params):
         """Refuse a baseline on the source, and a drift that is not along the celestial axis."""
         if self.baseline_rad and self.baseline_rad < self.half_width_rad:
             raise ValueError(
-                f"baseline_rad={self.baseline_rad:.5f} must be 0 or >= "
-                f"half_width_rad={self.half_width_rad:.5f}"
+                f"baseline_rad={self.baseline_rad:.5f} must be 0 or >= half_width_rad={self.half_width_rad:.5f}"
             )
         if self.pattern == "drift" and self.frame != EAST:
             raise ValueError(f"frame={self.frame}: a drift is along right_ascension, as the sky is")
