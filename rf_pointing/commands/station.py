@@ -92,7 +92,7 @@ def request_of(argv: list[str] | None = None) -> StationRequest:
     track("--output", type=Path, metavar="DIR", help="folder of recording and report (default: runs/SATELLITE-TIME)")
     track("--no-record", dest="record", action="store_false", help="neither recording nor report")
     scan = add("scan", "scan a target, and say what the received power tells", live_scan)
-    scan("target", help="catalogue number or name, or a body of the sky; the Sun is refused")
+    scan("target", help="catalogue number or name, or a body of the sky")
     scan("--station", default="", metavar="FILE|NAME", help="(default: that of its nodes)")
     add_pattern(scan)
     queue = add("queue", "hand passes over to the executive: JSON, CSV or ICS of plan_passes", StationClient.queue)
