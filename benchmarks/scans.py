@@ -180,7 +180,7 @@ def night(trials: int) -> None:
             observed_elevation_rad=elevation + clean[1] + noise[1] * points.sigma_elevation_rad,
         )
         one = fit_bias_model(drawn, priors=priors, options=options)
-        off = [one.model.coefficients[name] - truth.coefficients[name] for name in one.terms]
+        off = [one.model.coefficients[name] - truth.coefficients[name] for name in one.names]
         within.append(np.abs(off) / np.sqrt(np.diagonal(one.covariance)))
     shares = [float(np.mean(np.array(within) < limit)) for limit in (1.0, 2.0)]
     print(f"{trials} trials, 14 terms: {shares[0]:.1%} within one sigma (68), {shares[1]:.1%} within two (95)")
