@@ -45,6 +45,7 @@ from rf_pointing.ros.recorder import Recorder
 from rf_pointing.ros.stamps import stamp_from_seconds
 from rf_pointing.ros.station_run import FOLLOW_S, GraphRun
 from rf_pointing.ros.station_view import entry_values, pass_line, stamp_text, status_text, status_values, window_values
+from rf_pointing.ros.waiting import TAKEN_UP_S
 from rf_pointing.station.clients.alarm_hooks import NO_WAY
 
 PATIENCE_S = 10.0
@@ -392,6 +393,7 @@ class StationClient(GraphRun):
     def _call(self, kind: Any, name: str, request: Any) -> Any:
         caller = Caller(self.node, CommandKey(CommandKeyParams(command_key_file=self._key() if name in LEASED else "")))
         client = caller.client(kind, name)
+        self.waiting.pause(TAKEN_UP_S)
         self.until(client.service_is_ready, name)
         future = client.call_async(caller.request(name, request))
         self.until(future.done, f"an answer of {name}")
