@@ -91,6 +91,8 @@ def test_an_antenna_at_rest_warns_five_minutes_ahead_and_turns_to_where_the_sun_
     assert entry - warned_s == pytest.approx(240.0, abs=3.0)
     assert utc_text(warned_s + 300.0)[:16] in text
     assert "must be >= 1.000 deg (sun.radius_deg)" in text
+    waiting = [text for t_s, text, _ in rows if warned_s <= t_s < entry]
+    assert len(set(waiting)) <= 3, "the same words while it comes"
     assert min(apart for *_, apart in rows) > RADIUS_RAD
     assert antenna.mode == (AntennaMode.HOLDING if rest is None else AntennaMode.PARKED)
     moved = antenna.axes.encoder_rad - here
