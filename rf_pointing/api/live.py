@@ -24,7 +24,7 @@ from rf_pointing.core.dates import utc_text
 from rf_pointing.ephemeris import Pass, tle_lines
 from rf_pointing.identification import Recording
 from rf_pointing.identification.study import study
-from rf_pointing.planning.forbidden_sky import horizon_to_notes
+from rf_pointing.planning.horizon import horizon_to_notes
 from rf_pointing.ros.campaign_run import CalibrationOutcome, CalibrationRun
 from rf_pointing.ros.experiment_run import EndedEarlyError, ExperimentRun
 from rf_pointing.ros.graph import (

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from rf_pointing.planning import HorizonMask
-from rf_pointing.planning.forbidden_sky import ForbiddenSky, angle_between, horizon_from_notes, horizon_to_notes
+from rf_pointing.planning.forbidden_sky import ForbiddenSky, angle_between
+from rf_pointing.planning.horizon import horizon_from_notes, horizon_to_notes
 
 MASK = HorizonMask(azimuth_rad=(0.5, 2.0, 5.0), elevation_rad=(0.1, 0.3, 0.05))
 
