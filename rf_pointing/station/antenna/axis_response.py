@@ -1,0 +1,98 @@
+"""Exact responses of one axis of the plant to rate commands, held by the sampling, and to wind.
+
+Gusts have Davenport's spectrum (`servo/wind.py`).
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from rf_pointing.controllers import LawMatrices
+from rf_pointing.controllers.lqg_design import closed_radius
+from rf_pointing.core import AXES
+from rf_pointing.core.types import Array, ComplexArray
+from rf_pointing.servo import PlantParams, discretise
+from rf_pointing.servo.linear_model import linear_model
+from rf_pointing.servo.wind import GUST_LENGTH_M
+
+
+@dataclass(frozen=True, slots=True)
+class Variation:
+    """How the antenna differs from the one the controller was made for."""
+
+    frequency: float = 1.0
+    residue: float = 1.0
+
+
+class AxisResponse:
+    """Responses of one axis of a plant on a grid `frequency_hz` (f,); the other axis is at rest.
+
+    Dead times count as whole periods of `sample_s`.
+    """
+
+    def __init__(
+        self,
+        plant: PlantParams,
+        axis: int,
+        variation: Variation,
+        frequency_hz: Array,
+        sample_s: float,
+    ) -> None:
+        name = AXES[axis]
+        model = linear_model(_varied(plant, name, variation))
+        kept = [i for i, state in enumerate(model.state_names) if name in state]
+        block = np.ix_(kept, kept)
+        self.a, self.command = model.a[block], model.b_command[kept][:, [axis]]
+        self.wind = model.b_wind[kept][:, [axis]]
+        self.outputs = np.vstack([model.encoder[axis, kept], model.beam[axis, kept]])
+        self.sample_s, self.late = sample_s, round(getattr(plant, name).drive_delay_s / sample_s)
+        self.step = discretise(self.a, self.command, sample_s)
+        self.frequency_hz = frequency_hz
+
+    @cached_property
+    def from_command(self) -> ComplexArray:
+        """Response (f, 2) of encoder and beam to the rate command."""
+        z: ComplexArray = np.asarray(np.exp(2j * np.pi * self.frequency_hz * self.sample_s))
+        found = self._solve(z, self.step[:, :-1], self.step[:, -1:])
+        return np.asarray(found * z[:, None] ** -self.late) if self.late else found
+
+    @cached_property
+    def from_wind(self) -> ComplexArray:
+        """Response (f, 2) of encoder and beam to wind acceleration."""
+        s: ComplexArray = np.asarray(2j * np.pi * self.frequency_hz, dtype=np.complex128)
+        return self._solve(s, self.a, self.wind)
+
+    @cached_property
+    def sampled(self) -> LawMatrices:
+        """State space from the rate command to the encoder, its dead time included."""
+        a, b, c = self.step[:, :-1], self.step[:, -1:], self.outputs[:1]
+        for _ in range(self.late):
+            a = np.block([[a, b], [np.zeros((1, len(a) + 1))]])
+            b, c = np.eye(len(a))[:, -1:], np.hstack([c, [[0.0]]])
+        return a, b, c, np.zeros((1, 1))
+
+    def closed_radius(self, law: LawMatrices) -> float:
+        """Return the spectral radius of the encoder loop under a law from error to rate."""
+        return closed_radius(self.sampled, law)
+
+    def _solve(self, points: ComplexArray, a: Array, b: Array) -> ComplexArray:
+        solved = np.linalg.solve(points[:, None, None] * np.eye(len(a)) - a, b.astype(np.complex128))
+        return np.asarray((self.outputs @ solved)[:, :, 0])
+
+
+def davenport_psd(frequency_hz: Array, mean_speed_m_s: float, drag_coefficient: float) -> Array:
+    """Return the one-sided spectrum of the gust speed in (m/s)^2/Hz at `frequency_hz` > 0."""
+    x = GUST_LENGTH_M * frequency_hz / mean_speed_m_s
+    psd: Array = 4.0 * drag_coefficient * mean_speed_m_s**2 / frequency_hz * x**2 / (1.0 + x**2) ** (4.0 / 3.0)
+    return psd
+
+
+def _varied(plant: PlantParams, name: str, variation: Variation) -> PlantParams:
+    axis = getattr(plant, name)
+    changed = axis.replace(
+        mode_frequency_hz=tuple(variation.frequency * value for value in axis.mode_frequency_hz),
+        mode_encoder_residue=tuple(variation.residue * value for value in axis.mode_encoder_residue),
+        mode_beam_residue=tuple(variation.residue * value for value in axis.mode_beam_residue),
+    )
+    return plant.replace(**{name: changed})
