@@ -18,9 +18,9 @@ from typing import Any
 import numpy as np
 from scipy.linalg import solve_discrete_are
 
-from rf_pointing.controllers.filters import LawMatrices, section_matrices
+from rf_pointing.controllers.filters import section_matrices
 from rf_pointing.controllers.lqg import FORMAT, MATRICES, LqgDesign, LqgGains, LqgWeights, law_matrices  # fmt: skip
-from rf_pointing.controllers.margins import loop_margins, sampled_response
+from rf_pointing.controllers.margins import closed_radius, loop_margins, sampled_response
 from rf_pointing.core import as_finite_array, require_between
 from rf_pointing.core.types import Array
 
@@ -100,17 +100,6 @@ def design_lqg(a: Array, b: Array, c: Array, d: Array, sample_s: float, weights:
         *found, a, b, c, d, sample_s, bandwidth, gain, weights,
         margins.peak_sensitivity, margins.gain_margin_db, margins.phase_margin_rad,
     )  # fmt: skip
-
-
-def closed_radius(model: LawMatrices, law: LawMatrices) -> float:
-    """Return the spectral radius of the loop of a law around a model, rate command to encoder."""
-    (a, b, c, d), (la, lb, lc, ld) = model, law
-    through = 1.0 / (1.0 + (ld @ d).item())
-    rows = [
-        [a - through * b @ ld @ c, through * b @ lc],
-        [-lb @ c + through * lb @ d @ ld @ c, la - through * lb @ d @ lc],
-    ]
-    return float(np.max(np.abs(np.linalg.eigvals(np.block(rows)))))
 
 
 def as_mapping(design: LqgDesign) -> dict[str, Any]:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rf_pointing.controllers.filters import LawMatrices
 from rf_pointing.core.types import Array, ComplexArray
 
 
@@ -55,3 +56,14 @@ def sampled_response(system: tuple[Array, Array, Array, Array], frequency_hz: Ar
     z = np.exp(2j * np.pi * frequency_hz * sample_s)[:, None, None]
     solved = np.linalg.solve(z * np.eye(len(a)) - a, b.astype(np.complex128)[None])
     return np.asarray(c @ solved + d, dtype=np.complex128)
+
+
+def closed_radius(model: LawMatrices, law: LawMatrices) -> float:
+    """Return the spectral radius of the loop of a law around a model, rate command to encoder."""
+    (a, b, c, d), (la, lb, lc, ld) = model, law
+    through = 1.0 / (1.0 + (ld @ d).item())
+    rows = [
+        [a - through * b @ ld @ c, through * b @ lc],
+        [-lb @ c + through * lb @ d @ ld @ c, la - through * lb @ d @ lc],
+    ]
+    return float(np.max(np.abs(np.linalg.eigvals(np.block(rows)))))

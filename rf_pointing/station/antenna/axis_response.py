@@ -3,13 +3,14 @@
 Gusts have Davenport's spectrum (`servo/wind.py`).
 """
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from rf_pointing.controllers import LawMatrices
-from rf_pointing.controllers.lqg_design import closed_radius
+from rf_pointing.controllers.margins import closed_radius
 from rf_pointing.core import AXES
 from rf_pointing.core.types import Array, ComplexArray
 from rf_pointing.servo import PlantParams, discretise
@@ -19,10 +20,23 @@ from rf_pointing.servo.wind import GUST_LENGTH_M
 
 @dataclass(frozen=True, slots=True)
 class Variation:
-    """How the antenna differs from the one the controller was made for."""
+    """How the antenna differs from the one the controller was made for.
+
+    `gear` is the share of the gear's stiffness that is left: a swing across the play meets the
+    spring, and its damper, for a part of the time.
+    """
 
     frequency: float = 1.0
     residue: float = 1.0
+    gear: float = 1.0
+
+    def __str__(self) -> str:
+        if self.gear != 1.0:
+            return f"with {self.gear:g} of the stiffness of its gear, as small swings across its play find it"
+        return f"with its modes at {self.frequency:g} and their residues at {self.residue:g} of what is known"
+
+
+AS_KNOWN = Variation()
 
 
 class AxisResponse:
@@ -49,6 +63,14 @@ class AxisResponse:
         self.sample_s, self.late = sample_s, round(getattr(plant, name).drive_delay_s / sample_s)
         self.step = discretise(self.a, self.command, sample_s)
         self.frequency_hz = frequency_hz
+
+    @classmethod
+    def on_own_grid(
+        cls, plant: PlantParams, axis: int, sample_s: float, variation: Variation = AS_KNOWN
+    ) -> "AxisResponse":
+        """Return an axis on a grid that is dense at its modes."""
+        poles = np.exp(np.linalg.eigvals(cls(plant, axis, variation, np.ones(1), sample_s).a) * sample_s)
+        return cls(plant, axis, variation, frequency_grid(poles.astype(np.complex128), sample_s), sample_s)
 
     @cached_property
     def from_command(self) -> ComplexArray:
@@ -95,4 +117,20 @@ def _varied(plant: PlantParams, name: str, variation: Variation) -> PlantParams:
         mode_encoder_residue=tuple(variation.residue * value for value in axis.mode_encoder_residue),
         mode_beam_residue=tuple(variation.residue * value for value in axis.mode_beam_residue),
     )
+    if variation.gear != 1.0:
+        stiffness = variation.gear * axis.gear_stiffness_n_m
+        damping = math.sqrt(variation.gear) * axis.gear_damping
+        changed = changed.replace(gear_stiffness_n_m=stiffness, gear_damping=damping)
     return plant.replace(**{name: changed})
+
+
+def frequency_grid(poles: ComplexArray, sample_s: float) -> Array:
+    """Return frequencies up to half the sampling rate, dense at oscillating poles (of z)."""
+    nyquist_hz = 0.5 / sample_s
+    points = [np.geomspace(2e-5 * nyquist_hz, 0.98 * nyquist_hz, 300)]
+    spread = np.tan(np.linspace(-1.5, 1.5, 41))
+    for pole in poles[(poles.imag > 1e-9) & (np.abs(poles) > 0.5)]:
+        wide = max(-math.log(abs(pole)), 1e-3) * spread
+        points.append((np.angle(pole) + wide) / (2.0 * math.pi * sample_s))
+    grid = np.concatenate(points)
+    return np.unique(grid[(grid > 1e-5 * nyquist_hz) & (grid <= 0.98 * nyquist_hz)])
