@@ -10,6 +10,7 @@ import json
 import os
 import shutil
 import signal
+import subprocess
 import time
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -26,8 +27,8 @@ IN_PASS_S, BETWEEN_S = -30.0, 140.0
 AFTER_S = 45.0
 """After the end of a fault its alarm may still be raised, or cleared."""
 OLD_H, STALE_H = 30.0, 24.0
-SPARE_GB = 3.0
-"""Space that may be taken from the disk; the threshold lies in its middle."""
+DISK_GB, LEAST_GB = 0.4, 0.1
+"""Size of the disk that the station has for itself, and the free space below which it warns."""
 
 
 @dataclass
@@ -56,7 +57,7 @@ IN_PASS = (
 BETWEEN = (
     ("receiver gone", "missing_node rf_receiver", 20.0), ("full disk", "full_disk", 25.0), hung("antenna_servo"),
     ("rotctld killed", "lost_drive", 40.0), ("hung station_executive", "lost_executive", 20.0),
-    hung("bias_calibrator", "missing_node"), ("clock", "clock", 30.0), hung("monopulse_tracker", "missing_node"),
+    hung("bias_calibrator", "missing_node"), ("clock", "clock", 30.0), hung("station_description", "missing_node"),
     ("link cut", "lost_drive", 40.0), hung("pointing_controller"),
 )  # fmt: skip
 STALE_PASS = [kind for kind, _, _ in IN_PASS].index("stale elements")
@@ -75,9 +76,8 @@ def faults_of(count: int) -> list[Fault]:
 class Hand:
     """What begins and ends the faults of a station."""
 
-    def __init__(self, station: LaunchedStation, threshold_gb: float) -> None:
-        self.station, self.ballast = station, station.folder / "ballast"
-        self.threshold_gb = threshold_gb
+    def __init__(self, station: LaunchedStation) -> None:
+        self.station, self.ballast = station, station.folder / "state" / "ballast"
 
     def begin(self, kind: str) -> None:
         station = self.station
@@ -89,10 +89,9 @@ class Hand:
         elif kind == "rotctld killed":
             station.rotctld.kill()
         elif kind == "full disk":
-            # Others may have written or removed something meanwhile.
-            taken_gb = shutil.disk_usage(station.folder).free / 1e9 - self.threshold_gb + 0.5 * SPARE_GB
+            free = shutil.disk_usage(self.ballast.parent).free
             with self.ballast.open("wb") as file:
-                os.posix_fallocate(file.fileno(), 0, max(1, int(taken_gb * 1e9)))
+                os.posix_fallocate(file.fileno(), 0, free - int(0.5e9 * LEAST_GB))
         self._own(kind, on=True)
 
     def end(self, kind: str) -> None:
@@ -117,14 +116,23 @@ class Hand:
 def fly(count: int, folder: Path, every_s: float = EVERY_S) -> int:
     """Fly the night with `count` faults and a pass each `every_s`; print every fault and the verdict.
 
-    Return the exit code.
+    Return the exit code.  What the station writes lies on a small disk of its own, which takes root to mount.
     """
-    folder.mkdir(parents=True, exist_ok=True)
+    disk = folder / "state"
+    disk.mkdir(parents=True)
+    subprocess.run(["mount", "-t", "tmpfs", "-o", f"size={int(1000 * DISK_GB)}m", "tmpfs", str(disk)], check=True)
+    try:
+        return _fly(count, folder, every_s)
+    finally:
+        shutil.copytree(disk, folder / "kept")
+        subprocess.run(["umount", "-l", str(disk)], check=True)
+
+
+def _fly(count: int, folder: Path, every_s: float) -> int:
     faults, begun_s = faults_of(count), time.time()
     culminations = [begun_s + FIRST_S + every_s * k for k in range(count // 2 + 1)]
     ages = [OLD_H if k == STALE_PASS else 0.0 for k in range(len(culminations))]
-    threshold_gb = shutil.disk_usage(folder).free / 1e9 - 0.5 * SPARE_GB
-    changes = f"  alarms.elements_stale_h: {STALE_H}\n  alarms.disk_free_gb: {threshold_gb:.3f}\n"
+    changes = f"  alarms.elements_stale_h: {STALE_H}\n  alarms.disk_free_gb: {LEAST_GB}\n"
     station = LaunchedStation(
         folder, culminations, ages_h=ages, changes=changes, anemometer=True, words=("page:=true",)
     )
@@ -133,7 +141,7 @@ def fly(count: int, folder: Path, every_s: float = EVERY_S) -> int:
         say(f"{count} faults, {len(culminations)} passes, until {utc_text(culminations[-1])[11:19]}; {folder}")
         say(f"the control unit is heard after {station.until(station.fresh, 120.0):.1f} s")
         client = station.queue()
-        _play(Hand(station, threshold_gb), faults, culminations)
+        _play(Hand(station), faults, culminations)
         say(f"the night: {station.executive.state}, {station.executive.reason}")
         station.until(lambda: client.poll() is not None, 60.0)
         report = station.report()
@@ -168,13 +176,14 @@ def judge(faults: list[Fault], told: list[dict[str, str]], report: dict[str, Any
     wrong, alarms = 0, report.get("alarms", [])
     raised = [(parse_utc(each["utc"]), each) for each in told if each["event"] == "raised"]
     others = [each for each in told if each["event"] not in ("raised", "cleared")]
-    for k, fault in enumerate(faults):
+    windows = [(fault.alarm, fault.begun_s, fault.ended_s + AFTER_S) for fault in faults]
+    for fault in faults:
         until_s = fault.ended_s + AFTER_S
-        if k + 1 < len(faults):
-            until_s = min(until_s, faults[k + 1].begun_s)
         own = [each for t_s, each in raised if fault.begun_s <= t_s < until_s]
         right = [each for each in own if each["alarm"] == fault.alarm]
-        foreign = sorted(each["alarm"] for each in own if each["alarm"] != fault.alarm)
+        # A fault that lasts at the same time has messages of its own.
+        meant = {alarm for alarm, from_s, to_s in windows if from_s < until_s and to_s > fault.begun_s}
+        foreign = sorted(each["alarm"] for each in own if each["alarm"] not in meant)
         listed = [
             each for each in alarms if each["name"] == fault.alarm and fault.begun_s <= each["raised_t_s"] < until_s
         ]

@@ -46,7 +46,8 @@ QUICK = {
 """Benchmarks in simulated time, and the arguments of a quick run."""
 WALL_TIME = (
     "attack", "first_hour", "graph", "live_sensors", "live_stalls", "memory_growth", "operator_page", "processes",
-    "real_campaign", "receiver_faults", "rotator_pass", "servo_jitter", "slews_on_a_drive", "soak", "two_computers",
+    "real_campaign", "receiver_faults", "receiver_pass", "rotator_pass", "servo_jitter", "slews_on_a_drive", "soak",
+    "two_computers",
 )  # fmt: skip
 MINUTES = (
     "array_trials", "ephemeris_accuracy", "ephemeris_trials", "lock_watch", "lqg_tuning", "mutants", "plant_tuning",

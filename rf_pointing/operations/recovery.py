@@ -174,6 +174,7 @@ class Ongoing:
     since_s: float
     raised: bool = False
     held_off: bool = False
+    given_up: bool = False
     tried: int = 0
     tried_s: float = -math.inf
     text: str = ""
@@ -186,8 +187,15 @@ class Ongoing:
     @property
     def by_itself(self) -> bool:
         """Whether anything is left to try without an operator."""
-        allowed = not (self.cause.not_by_itself and re.search(self.cause.not_by_itself, self.text))
-        return bool(self.cause.do) and allowed and self.tried < self.cause.tries
+        return bool(self.cause.do) and self._permitted and self.tried < self.cause.tries
+
+    def dealt_with(self, now_s: float) -> bool:
+        """Return whether it may still go without an operator: the last try has its time as well."""
+        return self.by_itself or (self._permitted and now_s - self.tried_s < self.cause.every_s)
+
+    @property
+    def _permitted(self) -> bool:
+        return not (self.cause.not_by_itself and re.search(self.cause.not_by_itself, self.text))
 
     @property
     def reported_by_another(self) -> bool:
@@ -198,7 +206,7 @@ class Ongoing:
     @property
     def effect(self) -> str:
         """How the night goes on while it lasts."""
-        return self.cause.night if self.by_itself or not self.cause.do else self.cause.last
+        return self.cause.last if self.given_up and self.cause.do else self.cause.night
 
 
 @dataclass(slots=True)
@@ -230,8 +238,11 @@ class Recovery:
                 if one.held_off and not one.raised:
                     one.since_s = now_s
                 elif not one.held_off and now_s - one.since_s >= cause.for_s:
-                    one.raised, one.text = True, self._text(cause.text, device)
-                    dealt_with = self.acts and one.by_itself
+                    begins, one.raised, one.text = not one.raised, True, self._text(cause.text, device)
+                    if begins and one.reported_by_another:
+                        one.tried, one.tried_s = 0, -math.inf
+                    one.given_up = not one.dealt_with(now_s)
+                    dealt_with = self.acts and not one.given_up
                     if dealt_with and one.reported_by_another:
                         continue
                     ask = "" if dealt_with else self._text(cause.ask, device)

@@ -46,6 +46,8 @@ DEAF = 3
 """Exit code of a node that no longer receives."""
 LONGEST_WAIT_S = 0.2
 """Longest wait for an event: a signal is noticed between two of them."""
+IDLE_S = 0.02
+"""Simulated time waits for work that is due: after two such waits without an event it is done."""
 RESTART_S = 0.5
 """From the end of a node to its next start, as in the launch files."""
 STALL_S, STALL_SHOWN_S = 1.0, 60.0
@@ -138,7 +140,7 @@ class NodeLoop:
 
     def work(self, come_round: Callable[[], None] = lambda: None) -> int:
         """Work until a signal or without a node, `come_round` each round; return the exit code."""
-        code, looked_s = 0, time.monotonic()
+        code, looked_s, idle_s = 0, time.monotonic(), 0.0
         # Not `spin`: between two events the nodes do their own work and the signals are seen.
         while not self._signals and (self._nodes or self._missing):
             come_round()
@@ -150,6 +152,8 @@ class NodeLoop:
                 try:
                     if node.failure is None:
                         node.bring_up()
+                        if idle_s >= 2.0 * IDLE_S:
+                            node.catch_up()
                         wait_s = min(wait_s, node.turn())
                         continue
                 except Exception as error:
@@ -160,6 +164,7 @@ class NodeLoop:
                 code = self._end(make, node)
             for make in [make for make, due_s in self._missing.items() if looked_s >= due_s]:
                 self._make_again(make)
+            spun_s = time.monotonic()
             try:
                 self._executor.spin_once(timeout_sec=wait_s)
             except Exception as error:
@@ -168,6 +173,8 @@ class NodeLoop:
                     for _, node in self._nodes[:1]:
                         node.survived("a callback", error)
             began_s, looked_s = looked_s, time.monotonic()
+            # A process that was held up finds its events at once, in the next wait.
+            idle_s = idle_s + wait_s if looked_s - spun_s >= wait_s > 0.0 else 0.0
             if looked_s - began_s - wait_s > STALL_S:
                 self._stall_s, self._stalled_s = looked_s - began_s, looked_s
         codes = [self._end(make, node) for make, node in tuple(self._nodes)]

@@ -6,21 +6,24 @@ that arrives ends the node: what cannot be used is refused and counted on /diagn
 whatever else a callback raises.
 """
 
+import time
 from collections.abc import Callable
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
-from rclpy.publisher import Publisher
 
+from rf_pointing.ros.diagnostics import Health
 from rf_pointing.ros.graph import FOREIGN, FRAMES
 from rf_pointing.ros.input_watchdog import InputWatchdog
 from rf_pointing.ros.lifecycle import Lifecycle, Schedule
-from rf_pointing.ros.qos import INSTRUMENT, LATCHED, SERVICE
+from rf_pointing.ros.qos import IN_USE, INSTRUMENT, LATCHED, SERVICE
 from rf_pointing.ros.service_door import ServiceDoor
 from rf_pointing.ros.streams import (
+    AnyPublisher,
     FramedPublisher,
     InputCounter,
+    LatchedPublisher,
     Latest,
     SequencedPublisher,
     checked_message,
@@ -46,6 +49,8 @@ class ManagedNode(Lifecycle):
         super().__init__(name)
         self.inputs = InputCounter()
         self.diagnostics.add("inputs", self.inputs.health)
+        self._lasting: dict[str, LatchedPublisher] = {}
+        self.diagnostics.add("outputs", self._outputs_health)
         self.input_watchdog = InputWatchdog(self)
 
     def every(self, period_s: float, callback: Callable[[float], None], *, catches_up: bool = True) -> Schedule:
@@ -225,14 +230,32 @@ class ManagedNode(Lifecycle):
 
             clients = LostGoals(self, server, action_type, name, lost)
 
+    def _outputs_health(self) -> Health:
+        """Look after the latched topics, and return how many had to be offered anew."""
+        for topic, publisher in self._lasting.items():
+            before = publisher.renewed
+            publisher.look(time.monotonic())
+            if publisher.renewed > before:
+                self.log_once(topic, "not all of its readers took it: offered anew")
+        return Health(values={"renewed": sum(each.renewed for each in self._lasting.values())})
+
     def stream(self, message_type: Any, topic: str, qos: Any) -> SequencedPublisher:
         """Create a publisher that numbers its messages."""
         return SequencedPublisher(self.publisher(message_type, topic, qos))
 
-    def publisher(self, message_type: Any, topic: str, qos: Any) -> Publisher | FramedPublisher:
+    def publisher(self, message_type: Any, topic: str, qos: Any) -> AnyPublisher | FramedPublisher:
         """Create a publisher that lasts until cleanup; it sets the frame that `FRAMES` names."""
-        publisher = self.create_publisher(message_type, topic, qos)
-        self._at_cleanup.callback(self.destroy_publisher, publisher)
+        make = partial(self.create_publisher, message_type, topic, qos)
+        publisher: AnyPublisher
+        if qos in (LATCHED, IN_USE):
+            readers = partial(self.count_subscribers, topic)
+            publisher = LatchedPublisher(make, self.destroy_publisher, readers)
+            self._lasting[topic] = publisher
+            self._at_cleanup.callback(publisher.close)
+            self._at_cleanup.callback(self._lasting.pop, topic)
+        else:
+            publisher = make()
+            self._at_cleanup.callback(self.destroy_publisher, publisher)
         if topic not in FRAMES:
             return publisher
         return FramedPublisher(publisher, frame_in(self.get_namespace(), FRAMES[topic]))

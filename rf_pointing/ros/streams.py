@@ -8,8 +8,9 @@ from collections import Counter, deque
 from collections.abc import Callable, Sequence
 from functools import cache
 from operator import attrgetter
-from typing import Any
+from typing import Any, TypeAlias
 
+from rclpy.duration import Duration
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.publisher import Publisher
 from rclpy.serialization import deserialize_message
@@ -20,6 +21,8 @@ from rf_pointing.ros.stamps import BILLION, seconds_from_raw, seconds_from_stamp
 
 KEPT = 100
 """Messages of a fast stream that wait to be used: two seconds at 50 Hz."""
+UNSERVED_S, LONGEST_UNSERVED_S = 25.0, 3600.0
+"""More than the lease after which a dead reader leaves the graph; it doubles with each renewal."""
 STAMP_RESOLUTION_S = 1e-6
 LEVEL = "carrier_to_noise"
 """The one number that may be -inf: dB-Hz where there is no carrier."""
@@ -39,10 +42,55 @@ def frame_in(namespace: str, frame: str) -> str:
     return f"{namespace}/{frame}".strip("/")
 
 
+class LatchedPublisher:
+    """Publishes one message that lasts; readers that do not take it get it from a new writer.
+
+    Damaged packets can leave a writer that no longer serves a reader; nothing in ROS reports it.
+    `make` returns a publisher, `readers` the number of them in the graph.
+    """
+
+    def __init__(
+        self, make: Callable[[], Publisher], destroy: Callable[[Publisher], object],
+        readers: Callable[[], int],
+    ) -> None:  # fmt: skip
+        self._make, self._destroy, self._readers = make, destroy, readers
+        self._publisher, self._last = make(), None
+        self._served_s, self._patience_s = math.inf, UNSERVED_S
+        self.renewed = 0
+
+    def publish(self, message: Any) -> None:
+        """Publish a message in place of the last one."""
+        self._last = message
+        self._publisher.publish(message)
+
+    def look(self, now_s: float) -> None:
+        """Renew a writer that has not served all readers for too long; called once a second."""
+        publisher = self._publisher
+        matched = publisher.get_subscription_count() >= self._readers()
+        if matched and publisher.wait_for_all_acked(Duration()):
+            self._served_s, self._patience_s = now_s, UNSERVED_S
+        self._served_s = min(self._served_s, now_s)
+        if self._last is None or now_s - self._served_s <= self._patience_s:
+            return
+        # Ever more rarely: a reader may also stand still, or request what no writer of ours offers.
+        self._served_s, self._patience_s = now_s, min(2.0 * self._patience_s, LONGEST_UNSERVED_S)
+        self.close()
+        self._publisher = self._make()
+        self.publish(self._last)
+        self.renewed += 1
+
+    def close(self) -> None:
+        """Destroy the writer."""
+        self._destroy(self._publisher)
+
+
+AnyPublisher: TypeAlias = Publisher | LatchedPublisher
+
+
 class FramedPublisher:
     """Publishes with the frame of its topic in the header."""
 
-    def __init__(self, publisher: Publisher, frame_id: str) -> None:
+    def __init__(self, publisher: AnyPublisher, frame_id: str) -> None:
         self._publisher, self._frame_id = publisher, frame_id
 
     def publish(self, message: Any) -> None:
@@ -55,7 +103,7 @@ class FramedPublisher:
 class SequencedPublisher:
     """Numbers every message of a stream, for each sensor separately: a recording shows losses."""
 
-    def __init__(self, publisher: Publisher | FramedPublisher) -> None:
+    def __init__(self, publisher: AnyPublisher | FramedPublisher) -> None:
         self._publisher = publisher
         self._sequences: Counter[str] = Counter()
 

@@ -198,6 +198,9 @@ class Node:
         self.turns += 1
         return 0.01 * self.turns
 
+    def catch_up(self) -> None:
+        self.do("catch_up")
+
     def fail(self, reason: str) -> None:
         self.do(f"fail {reason}")
 
@@ -253,6 +256,20 @@ def test_the_loop_turns_and_waits_until_a_signal_or_the_node_is_deaf() -> None:
     assert work(node, executor) == main_loop.DEAF
     assert node.turns == 2
     assert node.did[-4].startswith("fatal the node ends, and must be started again: nothing has been received")
+
+
+def test_work_that_no_timer_has_called_is_done_once_nothing_comes(monkeypatch: pytest.MonkeyPatch) -> None:
+    wall = SimpleNamespace(s=0.0)
+    monkeypatch.setattr(main_loop, "time", SimpleNamespace(monotonic=lambda: wall.s))
+    node, executor = Node(), Executor([], 3, meanwhile=lambda: setattr(wall, "s", wall.s + 0.001))
+    work(node, executor)
+    assert "catch_up" not in node.did, "an event came before the end of each wait"
+    node, executor = Node(), Executor([], 4)
+    executor.meanwhile = lambda: setattr(wall, "s", wall.s + executor.waits[-1])
+    work(node, executor)
+    # Waits of 10, 20, 30 and 40 ms: of two of IDLE_S the second and third are over.
+    assert node.did.index("catch_up") == 4
+    assert node.did.count("catch_up") == 1
 
 
 @pytest.mark.parametrize(

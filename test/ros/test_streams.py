@@ -19,7 +19,9 @@ from rf_pointing.ros.stamps import stamp_from_seconds
 from rf_pointing.ros.streams import (
     KEPT,
     LARGEST,
+    UNSERVED_S,
     InputCounter,
+    LatchedPublisher,
     Latest,
     SequencedPublisher,
     require_plausible,
@@ -47,6 +49,43 @@ def test_what_does_not_arrive_between_two_messages_of_a_sensor_is_lost(sent: lis
     for sequence in (1000, 1, 2, 4):
         take(PointingError(sensor="c", sequence=sequence))
     assert counter.lost == {"pointing_error": lost + 1}
+
+
+@given(
+    served=st.lists(st.tuples(st.integers(1, 60), st.booleans()), min_size=1, max_size=30),
+    readers=st.integers(0, 2),
+)
+def test_a_writer_is_renewed_after_its_patience_and_the_last_message_goes_on(
+    served: list[tuple[int, bool]], readers: int
+) -> None:
+    """The reader takes nothing, or is not even matched, for the given times."""
+    state, sent, open_ = SimpleNamespace(served=True), list[tuple[int, str]](), set[int]()
+
+    def make() -> Any:
+        number = state.made = getattr(state, "made", 0) + 1
+        open_.add(number)
+        return SimpleNamespace(
+            number=number, publish=lambda message: sent.append((number, message)),
+            get_subscription_count=lambda: readers if state.served or readers < 2 else readers - 1,
+            wait_for_all_acked=lambda _without_waiting: state.served or readers == 2,
+        )  # fmt: skip
+
+    publisher = LatchedPublisher(make, lambda each: open_.remove(each.number), lambda: readers)
+    publisher.publish("old")
+    publisher.publish("new")
+    now_s, renewals, patience_s, since_s = 100.0, 0, UNSERVED_S, 100.0
+    publisher.look(now_s)
+    for seconds, state.served in served:
+        for _ in range(seconds):
+            now_s += 1.0
+            publisher.look(now_s)
+            if state.served:
+                patience_s, since_s = UNSERVED_S, now_s
+            elif now_s - since_s > patience_s:
+                renewals, patience_s, since_s = renewals + 1, 2.0 * patience_s, now_s
+    assert publisher.renewed == renewals
+    assert sent == [(1, "old"), *((number, "new") for number in range(1, renewals + 2))]
+    assert open_ == {renewals + 1}
 
 
 def test_the_health_counts_losses_refusals_and_errors() -> None:
