@@ -44,7 +44,8 @@ _HOMES = {
 """Every public name, and the module that it is loaded from."""
 __all__ = [
     "BiasModel", "Fit", "Look", "ModelVersion", "Observations", "PassCertificate", "Plan", "Recording",
-    "SimulatedPass", "Station", "StationPass", "Target", "Tuning", "catalogue", "elements", "fit", "read_model", "tune",
+    "SimulatedPass", "Station", "StationPass", "Target", "Tuning", "catalogue", "elements", "fit",
+    "read_model", "tune",
 ]  # fmt: skip
 
 if not TYPE_CHECKING:

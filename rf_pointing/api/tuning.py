@@ -75,9 +75,7 @@ class Tuning:
         if self.law == "lqg":
             designs = [tuned.law for tuned in self.axes if isinstance(tuned.law, LqgDesign)]
             if len(designs) != len(AXES):
-                raise ValueError(
-                    f"law=lqg: designs of azimuth and elevation are needed, here is {self.axes[0].name} alone"
-                )
+                raise ValueError(f"law=lqg: needs both axes, here is {self.axes[0].name} alone")
             save_lqg_designs(file, designs[0], designs[1])
             files.append(file)
         block.write_text(self.block(file))
@@ -95,7 +93,7 @@ class Tuning:
     def __str__(self) -> str:
         heads = ("|S| peak", "worst", "gain dB", "phase deg", "wind mdeg", "lead s")
         lines = [
-            f"{self.law} loops for gusts about {self.wind_m_s:g} m/s; worst: modes 10 %, residues 30 % off, play",
+            f"{self.law} loops, wind {self.wind_m_s:g} m/s; worst: modes 10 %, residues 30 % off, play",
             f"{'':<22}{''.join(f'{head:>11}' for head in heads)}",
         ]
         for before, tuned in zip(self.before, self.axes, strict=True):
@@ -105,11 +103,10 @@ class Tuning:
 
     def _row(self, tuned: TunedAxis) -> str:
         rms, margins = self.rms_mdeg(tuned), tuned.margins
-        cells = (
-            f"{margins.peak_sensitivity:.2f}", f"{tuned.worst_peak:.2f}", f"{margins.gain_margin_db:.1f}",
-            f"{math.degrees(margins.phase_margin_rad):.0f}", "-" if rms is None else f"{rms:.3f}",
-            f"{tuned.lead_s:.3f}",
-        )  # fmt: skip
+        numbers: list[float | None] = [margins.peak_sensitivity, tuned.worst_peak]
+        numbers += [margins.gain_margin_db, math.degrees(margins.phase_margin_rad), rms, tuned.lead_s]
+        shown = zip(numbers, (2, 2, 1, 0, 3, 3), strict=True)
+        cells = ("-" if value is None else f"{value:.{places}f}" for value, places in shown)
         return "".join(f"{cell:>11}" for cell in cells)
 
 
@@ -155,10 +152,14 @@ def tune(
         if name in kept:
             if kept[name].error > MOST_ERROR:
                 raise ValueError(
-                    f"{name}: the model misses {100.0 * kept[name].error:.1f} % of the held-out motion, at most "
-                    f"{100.0 * MOST_ERROR:g} %"
+                    f"{name}: the model misses {100.0 * kept[name].error:.1f} % of the "
+                    f"held-out motion, at most {100.0 * MOST_ERROR:g} %"
                 )
-            bound = plant_axis(sets["plant"], number, kept[name].model.sample_s).most_gain if station else math.inf
+            bound = (
+                plant_axis(sets["plant"], number, kept[name].model.sample_s).most_gain
+                if station
+                else math.inf
+            )  # fmt: skip
             axes.append(identified_axis(name, kept[name].model, bound))
         elif station and not kept:
             axes.append(plant_axis(sets["plant"], number, sets["antenna"].tick_s))
@@ -173,15 +174,26 @@ def tune(
     before: list[TunedAxis | None] = [None] * len(axes)
     remarks: list[str] = []
     if station:
-        gusts = dict(zip(AXES, gust_acceleration(sets["plant"], sets["wind"], wind_m_s), strict=True))
+        gusts = dict(
+            zip(AXES, gust_acceleration(sets["plant"], sets["wind"], wind_m_s), strict=True)
+        )  # fmt: skip
         before = [judged(axis, getattr(sets["loops"], axis.name), wind_m_s) for axis in axes]
         remarks = _refused_by_servo(tuned, sets["plant"], axes) if kept else []
     return Tuning(
-        law, wind_m_s, tuple(tuned), tuple(before), gusts, tuple(remarks), bool(station) and not remarks, tuple(axes)
+        law,
+        wind_m_s,
+        tuple(tuned),
+        tuple(before),
+        gusts,
+        tuple(remarks),
+        bool(station) and not remarks,
+        tuple(axes),
     )
 
 
-def _refused_by_servo(tuned: list[TunedAxis], plant: PlantParams, axes: list[AxisModel]) -> list[str]:
+def _refused_by_servo(
+    tuned: list[TunedAxis], plant: PlantParams, axes: list[AxisModel]
+) -> list[str]:  # fmt: skip
     """Return why the servo, which knows the plant of the description, would refuse these laws."""
     remarks = []
     for one, axis in zip(tuned, axes, strict=True):
@@ -194,5 +206,7 @@ def _refused_by_servo(tuned: list[TunedAxis], plant: PlantParams, axes: list[Axi
             require_unmoved(plant, laws, axis.sample_s, (AXES.index(one.name),))
         except ValueError as error:
             modes = ", ".join(f"{hz:.2f}" for hz in sorted(axis.modes_hz.tolist()))
-            remarks.append(f"the description's plant is not the measured axis (modes at {modes} Hz): {error}")
+            remarks.append(
+                f"the description's plant is not the measured axis (modes at {modes} Hz): {error}"
+            )  # fmt: skip
     return remarks

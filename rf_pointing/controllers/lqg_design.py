@@ -19,7 +19,14 @@ import numpy as np
 from scipy.linalg import solve_discrete_are
 
 from rf_pointing.controllers.filters import section_matrices
-from rf_pointing.controllers.lqg import FORMAT, MATRICES, LqgDesign, LqgGains, LqgWeights, law_matrices  # fmt: skip
+from rf_pointing.controllers.lqg import (
+    FORMAT,
+    MATRICES,
+    LqgDesign,
+    LqgGains,
+    LqgWeights,
+    law_matrices,
+)
 from rf_pointing.controllers.margins import closed_radius, loop_margins, sampled_response
 from rf_pointing.core import as_finite_array, require_between
 from rf_pointing.core.types import Array
@@ -47,13 +54,19 @@ def drive_of(a: Array, b: Array, c: Array, sample_s: float) -> tuple[float, floa
     # found again.
     integrator = int(np.argmin(np.abs(poles - 1.0)))
     if abs(poles[integrator] - 1.0) > 1e-6:
-        raise ValueError(f"pole nearest to the integrator is {poles[integrator]:.6f}, must be 1 (restore it first)")
+        raise ValueError(
+            f"pole nearest to the integrator is {poles[integrator]:.6f}, must be 1 (restore it)"
+        )  # fmt: skip
     # Dead times put poles at zero, where eigenvectors may be parallel: one left vector suffices.
     right = vectors[:, integrator]
     values, lefts = np.linalg.eig(a.T)
     left = lefts[:, int(np.argmin(np.abs(values - 1.0)))]
     residue = ((c @ right) * (left @ b) / (left @ right)).item().real
-    real = [pole.real for pole in np.delete(poles, integrator) if abs(pole.imag) < 1e-9 and 1e-3 < pole.real < 1.0]
+    real = [
+        pole.real
+        for pole in np.delete(poles, integrator)
+        if abs(pole.imag) < 1e-9 and 1e-3 < pole.real < 1.0
+    ]  # fmt: skip
     if not real:
         raise ValueError("model has no real pole between 0 and 1 for the drive")
     return -math.log(max(real)) / sample_s, residue / sample_s
@@ -67,7 +80,9 @@ def lqg_gains(bandwidth: float, gain: float, sample_s: float, weights: LqgWeight
     cost = solve_discrete_are(plant, entry, price, np.array([[effort]]))
     feedback = (entry.T @ cost @ plant) / (effort + entry.T @ cost @ entry)
     a, b, c = _with_disturbance(plant, entry, shown, gain, bandwidth, sample_s)
-    noise = np.diag([0.0, weights.rate_intensity, *np.zeros(size - 2), weights.disturbance_intensity])
+    noise = np.diag(
+        [0.0, weights.rate_intensity, *np.zeros(size - 2), weights.disturbance_intensity]
+    )  # fmt: skip
     variance = solve_discrete_are(a.T, c.T, noise, np.eye(1))
     # The law predicts over one sample, so A acts on the gain of the reading once.
     observer_gain = a @ variance @ c.T / (c @ variance @ c.T + 1.0)
@@ -77,7 +92,9 @@ def lqg_gains(bandwidth: float, gain: float, sample_s: float, weights: LqgWeight
     return a, b, c, state_gain, observer_gain
 
 
-def design_lqg(a: Array, b: Array, c: Array, d: Array, sample_s: float, weights: LqgWeights) -> LqgDesign:
+def design_lqg(
+    a: Array, b: Array, c: Array, d: Array, sample_s: float, weights: LqgWeights
+) -> LqgDesign:  # fmt: skip
     """Return the controller for the model (a, b, c, d) sampled every `sample_s` seconds.
 
     Raises
@@ -86,13 +103,18 @@ def design_lqg(a: Array, b: Array, c: Array, d: Array, sample_s: float, weights:
         If the closed loop on that model is unstable; the message carries its spectral radius.
     """
     require_between("sample_s", sample_s, 1e-4, 1.0)
-    a, b, c, d = (as_finite_array(name, value, (None, None)) for name, value in zip("abcd", (a, b, c, d), strict=True))
+    a, b, c, d = (
+        as_finite_array(name, value, (None, None))
+        for name, value in zip("abcd", (a, b, c, d), strict=True)
+    )  # fmt: skip
     bandwidth, gain = drive_of(a, b, c, sample_s)
     found = lqg_gains(bandwidth, gain, sample_s, weights)
     law = law_matrices(found, weights, sample_s)
     radius = closed_radius((a, b, c, d), law)
     if radius >= 1.0:
-        raise ValueError(f"spectral radius {radius:.5f} of the loop on the identified model must be < 1")
+        raise ValueError(
+            f"spectral radius {radius:.5f} of the loop on the identified model must be < 1"
+        )  # fmt: skip
     grid = np.geomspace(0.05, math.pi / sample_s * 0.999, 4000) / (2.0 * math.pi)
     both = (sampled_response(system, grid, sample_s)[:, 0, 0] for system in ((a, b, c, d), law))
     margins = loop_margins(grid, np.prod(list(both), axis=0))
@@ -115,7 +137,9 @@ def save_lqg_designs(path: Path, azimuth: LqgDesign, elevation: LqgDesign) -> No
     path.write_text(json.dumps(content, indent=1) + "\n")
 
 
-def _design_plant(bandwidth: float, gain: float, sample_s: float, weights: LqgWeights) -> tuple[Array, Array, Array]:
+def _design_plant(
+    bandwidth: float, gain: float, sample_s: float, weights: LqgWeights
+) -> tuple[Array, Array, Array]:  # fmt: skip
     """Return the sampled drive behind the filters: angle, rate, then band and low of each."""
     drive, entry = _drive(bandwidth, gain, sample_s)
     na, nb, nc, nd = section_matrices(weights.notch, sample_s)
@@ -130,7 +154,9 @@ def _design_plant(bandwidth: float, gain: float, sample_s: float, weights: LqgWe
 def _drive(bandwidth: float, gain: float, sample_s: float) -> tuple[Array, Array]:
     decay = math.exp(-bandwidth * sample_s)
     reach = (1.0 - decay) / bandwidth
-    return np.array([[1.0, gain * reach], [0.0, decay]]), np.array([[gain * (sample_s - reach)], [1.0 - decay]])
+    return np.array([[1.0, gain * reach], [0.0, decay]]), np.array(
+        [[gain * (sample_s - reach)], [1.0 - decay]]
+    )  # fmt: skip
 
 
 def _with_disturbance(

@@ -50,7 +50,9 @@ def loop_margins(frequency_hz: Array, loop: ComplexArray) -> Margins:
     )  # fmt: skip
 
 
-def sampled_response(system: tuple[Array, Array, Array, Array], frequency_hz: Array, sample_s: float) -> ComplexArray:
+def sampled_response(
+    system: tuple[Array, Array, Array, Array], frequency_hz: Array, sample_s: float
+) -> ComplexArray:  # fmt: skip
     """Return the response (f, q, m) of x(k+1) = a x + b u, y = c x + d u."""
     a, b, c, d = system
     z = np.exp(2j * np.pi * frequency_hz * sample_s)[:, None, None]

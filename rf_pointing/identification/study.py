@@ -196,10 +196,12 @@ def load_models(path: Path) -> dict[str, KeptModel]:
             if one["input"] != one["output"]:
                 continue
             a, b, c, d = (np.array(one[name], dtype=np.float64) for name in "abcd")
-            real, imag, hz = (np.array(one[f"measured_{each}"], float) for each in ("real", "imag", "hz"))
+            names = ("measured_real", "measured_imag", "measured_hz")
+            real, imag, hz = (np.array(one[name], dtype=np.float64) for name in names)
             as_finite_array("measured", np.stack([real, imag, hz]), (3, None))
             model = StateSpace(a, b, c, d, float(one["sample_s"]))
             found[str(one["input"])] = KeptModel(model, float(one["error"]), hz, real + 1j * imag)
     except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
-        raise ValueError(f"{path}: no identified models: {type(error).__name__}: {error}") from error
+        kind = type(error).__name__
+        raise ValueError(f"{path}: no identified models: {kind}: {error}") from error
     return found

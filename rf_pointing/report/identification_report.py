@@ -9,7 +9,14 @@ import numpy as np
 
 from rf_pointing.core import MDEG
 from rf_pointing.identification import CrossCheck, Recording, ResponseStudy, StraightCheck, modes_of, save_models
-from rf_pointing.report.picture_style import ALONE_COLOUR, AXIS_COLOURS, DASHED, LIMIT_COLOUR, figure, marked_level
+from rf_pointing.report.picture_style import (
+    ALONE_COLOUR,
+    AXIS_COLOURS,
+    DASHED,
+    LIMIT_COLOUR,
+    figure,
+    marked_level,
+)
 from rf_pointing.station.antenna.tuning import (
     USUAL_WIND_M_S,
     AxisModel,
@@ -156,11 +163,12 @@ def draw_loops(
                 sensitivity.loglog(frequency_hz, shown.sensitivity, color=colour, label=label)
                 step.plot(shown.time_s, shown.step, color=colour)
                 wind.semilogx(frequency_hz, unit * shown.running_rms, color=colour)
-            marked_level(sensitivity, tuned.margins.peak_sensitivity, f"{tuned.margins.peak_sensitivity:.2f}")
-            low_hz, high_hz = 1e-3 / axis.sample_s, 0.5 / axis.sample_s
-            sensitivity.set(ylabel="|S|", xlabel="frequency, Hz", xlim=(low_hz, high_hz), ylim=(1e-3, 4.0))
+            peak = tuned.margins.peak_sensitivity
+            band_hz = (1e-3 / axis.sample_s, 0.5 / axis.sample_s)
+            marked_level(sensitivity, peak, f"{peak:.2f}")
+            sensitivity.set(ylabel="|S|", xlabel="frequency, Hz", xlim=band_hz, ylim=(1e-3, 4.0))
             sensitivity.set_title(tuned.name, loc="left")
             sensitivity.legend(loc="lower right")
             step.set(ylabel="encoder after a unit step", xlabel="s")
             name = "mdeg" if gusts else "rad per rad/s$^2$"
-            wind.set(ylabel=f"rms error below f, {name}", xlabel="frequency, Hz", xlim=(low_hz, high_hz))
+            wind.set(ylabel=f"rms error below f, {name}", xlabel="frequency, Hz", xlim=band_hz)

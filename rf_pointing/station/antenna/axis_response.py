@@ -32,8 +32,8 @@ class Variation:
 
     def __str__(self) -> str:
         if self.gear != 1.0:
-            return f"with {self.gear:g} of the stiffness of its gear, as small swings across its play find it"
-        return f"with its modes at {self.frequency:g} and their residues at {self.residue:g} of what is known"
+            return f"with {self.gear:g} of its gear's stiffness, as small swings in its play find it"
+        return f"with its modes at {self.frequency:g} and their residues at {self.residue:g} of known"
 
 
 AS_KNOWN = Variation()
@@ -69,8 +69,12 @@ class AxisResponse:
         cls, plant: PlantParams, axis: int, sample_s: float, variation: Variation = AS_KNOWN
     ) -> "AxisResponse":
         """Return an axis on a grid that is dense at its modes."""
-        poles = np.exp(np.linalg.eigvals(cls(plant, axis, variation, np.ones(1), sample_s).a) * sample_s)
-        return cls(plant, axis, variation, frequency_grid(poles.astype(np.complex128), sample_s), sample_s)
+        poles = np.exp(
+            np.linalg.eigvals(cls(plant, axis, variation, np.ones(1), sample_s).a) * sample_s
+        )  # fmt: skip
+        return cls(
+            plant, axis, variation, frequency_grid(poles.astype(np.complex128), sample_s), sample_s
+        )  # fmt: skip
 
     @cached_property
     def from_command(self) -> ComplexArray:
@@ -99,14 +103,23 @@ class AxisResponse:
         return closed_radius(self.sampled, law)
 
     def _solve(self, points: ComplexArray, a: Array, b: Array) -> ComplexArray:
-        solved = np.linalg.solve(points[:, None, None] * np.eye(len(a)) - a, b.astype(np.complex128))
+        solved = np.linalg.solve(
+            points[:, None, None] * np.eye(len(a)) - a, b.astype(np.complex128)
+        )  # fmt: skip
         return np.asarray((self.outputs @ solved)[:, :, 0])
 
 
 def davenport_psd(frequency_hz: Array, mean_speed_m_s: float, drag_coefficient: float) -> Array:
     """Return the one-sided spectrum of the gust speed in (m/s)^2/Hz at `frequency_hz` > 0."""
     x = GUST_LENGTH_M * frequency_hz / mean_speed_m_s
-    psd: Array = 4.0 * drag_coefficient * mean_speed_m_s**2 / frequency_hz * x**2 / (1.0 + x**2) ** (4.0 / 3.0)
+    psd: Array = (
+        4.0
+        * drag_coefficient
+        * mean_speed_m_s**2
+        / frequency_hz
+        * x**2
+        / (1.0 + x**2) ** (4.0 / 3.0)
+    )  # fmt: skip
     return psd
 
 
@@ -114,9 +127,11 @@ def _varied(plant: PlantParams, name: str, variation: Variation) -> PlantParams:
     axis = getattr(plant, name)
     changed = axis.replace(
         mode_frequency_hz=tuple(variation.frequency * value for value in axis.mode_frequency_hz),
-        mode_encoder_residue=tuple(variation.residue * value for value in axis.mode_encoder_residue),
+        mode_encoder_residue=tuple(
+            variation.residue * value for value in axis.mode_encoder_residue
+        ),
         mode_beam_residue=tuple(variation.residue * value for value in axis.mode_beam_residue),
-    )
+    )  # fmt: skip
     if variation.gear != 1.0:
         stiffness = variation.gear * axis.gear_stiffness_n_m
         damping = math.sqrt(variation.gear) * axis.gear_damping

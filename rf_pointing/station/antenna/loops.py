@@ -186,7 +186,9 @@ class AxisLoops:
 BOTH = (0, 1)
 
 
-def require_stable(plant: PlantParams, laws: Sequence[Law], tick_s: float, axes: Sequence[int] = BOTH) -> None:
+def require_stable(
+    plant: PlantParams, laws: Sequence[Law], tick_s: float, axes: Sequence[int] = BOTH
+) -> None:  # fmt: skip
     """Raise ValueError, naming the axis, unless the laws of these axes are stable on the plant."""
     # Each axis is closed alone first, so that the reason can name it, then all together.
     for closed in dict.fromkeys((*((axis,) for axis in axes), tuple(axes))):
@@ -201,7 +203,9 @@ def require_stable(plant: PlantParams, laws: Sequence[Law], tick_s: float, axes:
             )
 
 
-def require_unmoved(plant: PlantParams, laws: Sequence[Law], tick_s: float, axes: Sequence[int] = BOTH) -> None:
+def require_unmoved(
+    plant: PlantParams, laws: Sequence[Law], tick_s: float, axes: Sequence[int] = BOTH
+) -> None:  # fmt: skip
     """Raise ValueError, naming the axis, where a law has lost the margins it was tuned for.
 
     A law that says no peak of its sensitivity is held to stability alone.
@@ -214,9 +218,10 @@ def require_unmoved(plant: PlantParams, laws: Sequence[Law], tick_s: float, axes
         found = loop_margins(known.frequency_hz, gain * known.from_command[:, 0])
         if found.peak_sensitivity > MOVED * law.peak_sensitivity:
             raise ValueError(
-                f"{AXES[axis]}: the plant is not the one that this law was tuned for: its sensitivity has a peak of "
-                f"{found.peak_sensitivity:.2f} at {found.peak_hz:.2f} Hz, tuned for {law.peak_sensitivity:.2f}, at most "
-                f"{MOVED:g} times as much; identify and tune again, or correct plant.{AXES[axis]}"
+                f"{AXES[axis]}: the plant is not the one that this law was tuned for: its "
+                f"sensitivity has a peak of {found.peak_sensitivity:.2f} at {found.peak_hz:.2f} Hz, tuned for "
+                f"{law.peak_sensitivity:.2f}, at most {MOVED:g} times as much; identify and tune "
+                f"again, or correct plant.{AXES[axis]}"
             )
 
 

@@ -1,4 +1,4 @@
-"""Tuned loops: margins against python-control, error against brute force, refusals, a flown block."""
+"""Tuned loops: margins against python-control, error against brute force, refusals, a flight."""
 
 import dataclasses
 import math
@@ -52,7 +52,7 @@ def stated_margins_hold(axis: AxisModel, tuned: TunedAxis) -> None:
     assert tuned.margins.gain_margin_db >= 20.0 * math.log10(2.0)
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(3))
 def test_a_random_antenna_gets_its_margins_and_nearly_the_best_loop(seed: int) -> None:
     """A random search of 4000 loops finds none that is a fifth better within the same bounds."""
     random = np.random.default_rng(seed)
@@ -69,7 +69,7 @@ def test_a_random_antenna_gets_its_margins_and_nearly_the_best_loop(seed: int) -
 
 
 def late_axis(delays: int, lag_s: float, mode_hz: float = 0.0) -> StateSpace:
-    """Return an integrator behind a lag and whole samples of delay, with a mode of a tenth beside it."""
+    """Return an integrator behind a lag and samples of delay, with a mode of a tenth beside it."""
     angle, omega = control.tf([1.0], [1.0, 0.0]), 2.0 * math.pi * mode_hz
     if mode_hz:
         angle = angle + control.tf([-0.1, 0.0], [1.0, 0.02 * omega, omega**2])
@@ -107,7 +107,10 @@ def test_a_model_that_misses_a_mode_is_refused_with_its_frequency() -> None:
     hz = np.arange(0.02, 20.0, 0.01)
     measured = true.response(hz)[:, 0, 0]
     tuned = tuned_axis(identified_axis("elevation", poor), "pi", WIND_M_S)
-    with pytest.raises(ValueError, match=r"elevation: the model of order 2 does not describe the axis at (2\.9|3\.0)"):
+    with pytest.raises(
+        ValueError,
+        match=r"elevation: the model of order 2 does not describe the axis at (2\.9|3\.0)",
+    ):
         require_described(tuned, hz, measured, poor)
     good = tuned_axis(identified_axis("elevation", true), "pi", WIND_M_S)
     require_described(good, hz, measured, true)
@@ -116,11 +119,12 @@ def test_a_model_that_misses_a_mode_is_refused_with_its_frequency() -> None:
 
 
 def test_models_that_are_no_axis_are_refused() -> None:
-    drifting = StateSpace(np.diag([1.0, 0.5, 1.01]), np.ones((3, 1)), np.ones((1, 3)), np.zeros((1, 1)), TICK_S)
+    poles, ones = np.diag([1.0, 0.5, 1.01]), np.ones((3, 1))
+    drifting = StateSpace(poles, ones, ones.T, np.zeros((1, 1)), TICK_S)
     with pytest.raises(ValueError, match=r"azimuth: the model grows by itself at 0\.00 Hz"):
         identified_axis("azimuth", drifting)
     still = StateSpace(np.array([[0.9]]), np.array([[-0.1]]), np.eye(1), np.zeros((1, 1)), TICK_S)
-    with pytest.raises(ValueError, match="pole nearest to the integrator"):
+    with pytest.raises(ValueError, match="azimuth: pole nearest to the integrator"):
         identified_axis("azimuth", still)
 
 
@@ -130,7 +134,10 @@ def test_the_servo_refuses_a_law_whose_plant_has_moved() -> None:
     kept = loops.replace(elevation=loops.elevation.replace(peak_sensitivity=1.81))
     AxisLoops(kept, plant, TICK_S)
     # A tenth is what it was tuned for; a quarter is another antenna, though still a stable one.
-    for share, words in ((1.05, ""), (1.25, r"elevation: the plant is not the one .* peak of \d+\.\d+ at 2\.\d+ Hz")):
+    for share, words in (
+        (1.05, ""),
+        (1.25, r"elevation: the plant is not the one .* peak of \d+\.\d+ at 2\.\d+ Hz"),
+    ):
         modes = tuple(share * hz for hz in plant.elevation.mode_frequency_hz)
         moved = plant.replace(elevation=plant.elevation.replace(mode_frequency_hz=modes))
         AxisLoops(loops, moved, TICK_S)
@@ -147,8 +154,9 @@ def tuning() -> rp.Tuning:
 
 
 def flown_mdeg(block: dict[str, object]) -> float:
-    """Return the rms axis error of a minute in wind of 8 m/s on the whole antenna, play and friction included."""
-    sets = rp.Station("leo_3m7").description.sets("antenna_servo", None, {**block, "wind.mean_speed_m_s": 8.0})
+    """Return the rms axis error of a minute in wind of 8 m/s, play and friction included."""
+    changes = {**block, "wind.mean_speed_m_s": 8.0}
+    sets = rp.Station("leo_3m7").description.sets("antenna_servo", None, changes)
     antenna = SimulatedAntenna(AntennaParams(**sets))
     antenna.enable()
     error = []
@@ -158,7 +166,9 @@ def flown_mdeg(block: dict[str, object]) -> float:
     return float(np.sqrt(np.mean(np.square(error[500:])))) / MDEG
 
 
-def test_the_block_is_one_of_a_description_and_better_on_the_whole_antenna(tuning: rp.Tuning) -> None:
+def test_the_block_is_one_of_a_description_and_better_on_the_whole_antenna(
+    tuning: rp.Tuning,
+) -> None:
     """Linear gains alone would swing across the play of the stiff mount, by 14 mdeg."""
     block = flat(yaml.safe_load(tuning.block())["tuning"])
     for tuned, before in zip(tuning.axes, tuning.before, strict=True):
