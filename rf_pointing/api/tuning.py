@@ -25,6 +25,7 @@ from rf_pointing.station.antenna.tuning import (
     tuned_axis,
     tuning_lines,
 )
+from rf_pointing.station.derive.plants import takes_rates
 
 MOST_ERROR = 0.1
 """Largest share of the motion of held-out sequences that a model may miss."""
@@ -144,7 +145,7 @@ def tune(
     if station is None and models is None:
         raise ValueError("give a station, the models of identify_antenna, or both")
     sets = station.description.sets("antenna_servo", station.band) if station else {}
-    if station and sets["loops"].law == "drive":
+    if station and station.description.drive["type"] != "simulated" and not takes_rates(station.description.drive):
         raise ValueError(f"{station.name}: its drive takes positions and closes the loop itself")
     kept = load_models(Path(models)) if models is not None else {}
     axes: list[AxisModel] = []

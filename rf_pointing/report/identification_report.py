@@ -17,16 +17,7 @@ from rf_pointing.report.picture_style import (
     figure,
     marked_level,
 )
-from rf_pointing.station.antenna.tuning import (
-    USUAL_WIND_M_S,
-    AxisModel,
-    TunedAxis,
-    identified_axis,
-    loop_curves,
-    require_described,
-    tuned_axis,
-    tuning_lines,
-)
+from rf_pointing.station.antenna.tuning import AxisModel, TunedAxis, loop_curves
 
 LEAST_COHERENCE = 0.8
 _MEASURED, _MODEL = AXIS_COLOURS
@@ -47,28 +38,8 @@ def write_identification(folder: Path, studies: Sequence[ResponseStudy], provena
     rows = [_row(response) for response in studies]
     (folder / "errors.json").write_text(json.dumps(rows, indent=1) + "\n")
     (folder / "errors.txt").write_text(error_table(studies) + "\n")
-    (folder / "loops.yaml").write_text(tuning_block(studies))
     for response in studies:
         draw_response(folder / f"{response.driven}_to_{response.shown}.png", response)
-
-
-def tuning_block(studies: Sequence[ResponseStudy]) -> str:
-    """Return the loops tuned on the identified axes, as the lines that a description takes."""
-    lines = ["tuning:"]
-    for one in studies:
-        if one.driven != one.shown:
-            continue
-        model, measured = one.identified.model, one.measured
-        try:
-            tuned = tuned_axis(identified_axis(one.driven, model), "pi", USUAL_WIND_M_S)
-            kept = measured.valid()
-            require_described(tuned, measured.frequency_hz[kept], measured.response[kept], model)
-        except ValueError as error:
-            lines.append(f"  # loops.{error}")
-            continue
-        # The plant of a description is derived; what was measured may differ from it.
-        lines += tuning_lines(tuned, peak_kept=False)
-    return "\n".join(lines) + "\n"
 
 
 def error_table(studies: Sequence[ResponseStudy]) -> str:

@@ -470,20 +470,27 @@ def _starts(problem: Problem) -> Iterator[Array]:
     """Yield the laws to begin with, each slowed until it is stable."""
     lag_s, top_hz = max(problem.lag_s, problem.axis.sample_s), 0.4 / problem.axis.sample_s
     lead = [min(0.34 / lag_s, 0.5 * top_hz), 0.6, min(0.67 / lag_s, top_hz), 0.62]
-    forms: list[list[float]] = [[], [top_hz, 0.1, *lead]]
+    gain = min(0.9 / lag_s, 0.9 * problem.axis.most_gain)
+    quick, slow = (gain, 0.25 * gain**2), (0.05 * gain, 0.3 * gain)
+    forms: list[tuple[tuple[float, float], list[float]]] = [
+        (quick, []),
+        (quick, [top_hz, 0.1, *lead]),
+    ]
     for mode_hz in problem.axis.modes_hz[:2].tolist():
-        forms.append([mode_hz, 0.2])
-        forms += [[min(share * mode_hz, top_hz), 0.13, *lead] for share in (1.0, 1.6)]
+        notches = [[min(share * mode_hz, top_hz), 0.13] for share in (1.0, 1.6)]
+        # Zeros so wide that they are two: the proportional part comes from the section.
+        wide = [0.75 * mode_hz, 1.5, min(1.8 * mode_hz, top_hz), 0.5]
         scale = np.array([mode_hz, 1.0] * 3)
-        forms += [(scale * shape).tolist() for shape in _SHAPES]
-    for form in forms:
-        gain = min(0.9 / lag_s, 0.9 * problem.axis.most_gain)
-        for _ in range(40):
-            values = np.log([gain, 0.25 * gain**2, *form])
+        forms.append((quick, [mode_hz, 0.2]))
+        forms += [(quick, [*notch, *lead]) for notch in notches]
+        forms += [(slow, [*notch, *wide]) for notch in notches]
+        forms += [(quick, (scale * shape).tolist()) for shape in _SHAPES]
+    for (gain, integral), form in forms:
+        for slower in 0.8 ** np.arange(40):
+            values = np.log([slower * gain, slower**2 * integral, *form])
             if problem.cost("pi", values) < _REFUSED / 2.0:
                 yield values
                 break
-            gain *= 0.8
 
 
 def _lqg_starts(problem: Problem) -> Iterator[Array]:

@@ -1,6 +1,7 @@
 """Tuned loops: margins against python-control, error against brute force, refusals, a flight."""
 
 import dataclasses
+import json
 import math
 from pathlib import Path
 
@@ -11,6 +12,7 @@ import yaml
 
 import rf_pointing as rp
 from benchmarks.tuning_trials import BOUNDS, WIND_M_S, random_plant
+from rf_pointing.commands.tune import main
 from rf_pointing.controllers import LqgDesign, PositionLoopParams
 from rf_pointing.core import MDEG
 from rf_pointing.core.parameters import flat
@@ -201,12 +203,46 @@ def test_designs_of_an_own_antenna_are_made_and_taken(tmp_path: Path) -> None:
         ({"models": "/nowhere.json"}, "/nowhere.json: no identified models"),
         ({"station": "vhf_uhf_yagi", "law": "pid"}, "law='pid' must be"),
         ({"station": "dss13", "wind_m_s": 0.1}, "wind_m_s=0.1"),
+        ({"station": "vhf_uhf_yagi"}, "its drive takes positions and closes the loop itself"),
     ],
 )
 def test_requests_that_cannot_be_are_refused(given: dict, words: str) -> None:
     station = rp.Station(given.pop("station")) if "station" in given else None
     with pytest.raises(ValueError, match=words):
         rp.tune(station, **given)
+
+
+def models_file(path: Path, error: float = 0.01) -> Path:
+    """Write a planted azimuth as identify_antenna does."""
+    model, hz = late_axis(2, 0.05, 3.0), np.arange(0.02, 20.0, 0.01)
+    measured = model.response(hz)[:, 0, 0]
+    response = {name: getattr(model, name).tolist() for name in "abcd"} | {
+        "input": "azimuth", "output": "azimuth", "sample_s": TICK_S, "error": error,
+        "measured_hz": hz.tolist(), "measured_real": measured.real.tolist(), "measured_imag": measured.imag.tolist(),
+    }  # fmt: skip
+    path.write_text(json.dumps({"format": "rf_pointing identified models 2", "responses": [response]}))
+    return path
+
+
+def test_the_command_tunes_identified_models_and_leaves_its_files(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    models = models_file(tmp_path / "models.json")
+    main([str(models), "--output", str(tmp_path / "tuned")])
+    said = capsys.readouterr().out
+    block = (tmp_path / "tuned" / "loops.yaml").read_text()
+    assert said.endswith(block)
+    assert (tmp_path / "tuned" / "loops.png").read_bytes().startswith(b"\x89PNG")
+    loop = flat(yaml.safe_load(block)["tuning"])
+    # Nobody knows here what plant the servo will have.
+    assert loop["loops.azimuth.peak_sensitivity"] == 0.0
+    for arguments, words in (
+        ([str(models), "--law", "lqg", "--output", str(tmp_path)], "law=lqg: needs both axes, here is azimuth alone"),
+        ([str(models_file(tmp_path / "poor.json", 0.3))], "azimuth: the model misses 30.0 % of the held-out motion"),
+    ):
+        with pytest.raises(SystemExit, match="2"):
+            main(arguments)
+        assert words in capsys.readouterr().err
 
 
 def test_files_that_hold_no_models_are_refused(tmp_path: Path) -> None:
