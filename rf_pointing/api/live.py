@@ -245,7 +245,7 @@ def identify(request: IdentifyRequest) -> IdentifyResult:
         tuning = tune(request.station, models=output / "models.json")
         tuning.write(output)
     except ValueError as error:
-        # The models stand; what is missing for a loop is said.
+        # The models are written all the same.
         return IdentifyResult(0, recordings, f"{error_table(studies)}\n\nno loops: {error}")
     say("identify_antenna", f"loops for the station description in {output / 'loops.yaml'}")
     return IdentifyResult(0, recordings, f"{error_table(studies)}\n\n{tuning}\n\n{tuning.block()}")

@@ -121,7 +121,7 @@ def draw_loops(
     wind_m_s: float,
     gusts: Mapping[str, float],
 ) -> None:
-    """Save sensitivity, step and wind response of tuned axes, beside their loops before, as PNG."""
+    """Save sensitivity, step and wind response of tuned axes and of their loops before as PNG."""
     with figure(path, 4.5 * len(rows) + 1.0, 9.0) as drawn:
         panels = drawn.subplots(3, len(rows), squeeze=False)
         for (sensitivity, step, wind), (tuned, before, axis) in zip(panels.T, rows, strict=True):

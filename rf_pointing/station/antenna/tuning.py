@@ -163,8 +163,8 @@ def identified_axis(name: str, model: StateSpace, most_gain: float = math.inf) -
                 place = pole**variation.frequency
                 turn = cmath.exp(1j * (cmath.phase(place) - cmath.phase(pole)))
                 rest = (1.0 - abs(place)) / (1.0 - abs(pole) + 1e-12)
-                moved = _beside(moved, pole, -size)
-                moved = _beside(moved, place, variation.residue * turn * rest * size)
+                moved = _with_pole(moved, pole, -size)
+                moved = _with_pole(moved, place, variation.residue * turn * rest * size)
         grid = frequency_grid(np.linalg.eigvals(moved[0]).astype(np.complex128), sample_s)
         encoder = sampled_response(moved, grid, sample_s)[:, 0, 0]
         both = np.column_stack([encoder, encoder])
@@ -262,7 +262,7 @@ def loop_curves(law: Law, axis: AxisModel, wind_m_s: float) -> LoopCurves:
     state, inner = np.zeros((len(a), 1)), np.zeros((len(la), 1))
     step = np.zeros(round(40.0 * axis.lag_s / axis.sample_s) + 50)
     for k in range(len(step)):
-        # A model has no direct term to speak of; the encoder is read before the command.
+        # The encoder is read before the command of the same tick.
         step[k] = (c @ state).item()
         error = np.array([[1.0 - step[k]]])
         rate = lc @ inner + ld @ error
@@ -543,8 +543,8 @@ def _shown(poles: ComplexArray, system: LawMatrices, sample_s: float) -> Array:
     return np.asarray(frequency_hz[np.argsort(-size * frequency_hz)])
 
 
-def _beside(system: LawMatrices, pole: complex, residue: complex) -> LawMatrices:
-    """Return a system with one pair of poles beside it, residue over z - pole and the conjugate."""
+def _with_pole(system: LawMatrices, pole: complex, residue: complex) -> LawMatrices:
+    """Return a system with one more pair of poles, residue over z - pole and the conjugate."""
     a, b, c, d = system
     turn = np.array([[pole.real, pole.imag], [-pole.imag, pole.real]])
     shown = np.array([[2.0 * residue.real, 2.0 * residue.imag]])
