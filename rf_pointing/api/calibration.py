@@ -12,7 +12,6 @@ import numpy as np
 from rf_pointing import __version__, calibration
 from rf_pointing.api.station import Station
 from rf_pointing.calibration import BiasModel, FitResult, Ionosphere, ModelVersion, Observations, TrackedPass
-from rf_pointing.core import MDEG
 from rf_pointing.core.dates import DAY_S
 from rf_pointing.core.refraction import RadioRefraction
 from rf_pointing.ephemeris import Elements
@@ -36,7 +35,8 @@ class DataFiles:
     refraction, time_error_s, ionosphere : air, lateness of the time tags, and ionosphere of the
         raw data of CSV and TDM.
     namespace : antenna, where a recording holds several.
-    largest_error_rad : samples of recordings with a larger sensed error are left out.
+    largest_error_rad : samples of recordings with a larger sensed error are left out; None: the
+        station's own limit, a tenth of its beam.
     allow_damage : take the sound part of damaged recordings.
     """
 
@@ -47,18 +47,22 @@ class DataFiles:
     time_error_s: float | None = None
     ionosphere: Ionosphere | None = None
     namespace: str | None = None
-    largest_error_rad: float = 6.0 * MDEG
+    largest_error_rad: float | None = None
     allow_damage: bool = False
 
     def read(self, station: Station) -> FitData:
         """Return the data of all files as those of a station; ValueError names what is wrong."""
         tables = [path for path in self.paths if path.is_file() and path.suffix in TABULAR]
         offsets = [path for path in tables if path.suffix == ".csv" and offset_table.holds_offsets(path)]
-        if offsets:
-            return self._offsets(offsets, station)
-        of_points = [path for path in tables if path.suffix == ".csv" and recorded_input.holds_points(path)]
-        points = recorded_input.read_points(of_points)
-        raw = [one for path in tables if path not in of_points for one in recorded_input.read_raw(path, station.band)]
+        rows = self._offsets(offsets, station) if offsets else None
+        if rows is not None and len(offsets) == len(self.paths):
+            # Nothing measures the orbits of single rows.
+            alone = replace(rows, range_m=None, range_rate_m_s=None)
+            return FitData(alone, [], offered=offset_table.terms_of_offsets(alone))
+        others = [path for path in tables if path not in offsets]
+        of_points = [path for path in others if path.suffix == ".csv" and recorded_input.holds_points(path)]
+        points = _joined(recorded_input.read_points(of_points), rows)
+        raw = [one for path in others if path not in of_points for one in recorded_input.read_raw(path, station.band)]
         if self.time_error_s:
             raw = [replace(one, t_s=one.t_s - self.time_error_s) for one in raw]
         passes = [TrackedPass(one, self._reference(one, station), self.ionosphere) for one in raw]
@@ -67,9 +71,7 @@ class DataFiles:
                 passes += self._recorded(path, station)
         return FitData(points, passes, recorded=len(tables) < len(self.paths))
 
-    def _offsets(self, paths: Sequence[Path], station: Station) -> FitData:
-        if len(paths) < len(self.paths):
-            raise ValueError(f"{paths[0]} is a table of offsets: it is fitted alone, not with other data")
+    def _offsets(self, paths: Sequence[Path], station: Station) -> Observations:
         parts = [
             offset_table.read_offsets(
                 path, station.name, station.band, station.site, math.radians(station.beamwidth_deg), self.elements,
@@ -78,8 +80,7 @@ class DataFiles:
             for path in paths
         ]  # fmt: skip
         points = Observations.concatenate(parts)
-        points = replace(points, pass_id=np.arange(len(points)))
-        return FitData(points, [], offered=offset_table.terms_of_offsets(points))
+        return replace(points, pass_id=np.arange(len(points)))
 
     def _reference(self, raw: calibration.RawTracking, station: Station) -> calibration.ReferenceTrack:
         if not self.elements:
@@ -90,11 +91,23 @@ class DataFiles:
         # Reading a recording loads a ROS message library, which CSV and TDM do without.
         from rf_pointing.report.tracking_from_bag import tracking_from_bag
 
+        own_rad = station.calibrator.largest_error_rad
+        limit_rad = own_rad if self.largest_error_rad is None else self.largest_error_rad
         recorded = tracking_from_bag(
             path, station.name, station.band, namespace=self.namespace,
-            largest_error_rad=self.largest_error_rad, allow_damage=self.allow_damage,
+            largest_error_rad=limit_rad, allow_damage=self.allow_damage,
         )  # fmt: skip
         return [TrackedPass(raw, reference, self.ionosphere) for raw, reference in recorded]
+
+
+def _joined(points: Observations | None, rows: Observations | None) -> Observations | None:
+    """Return points and rows of offsets as one, each row a pass of its own."""
+    if points is None or rows is None:
+        return rows if points is None else points
+    rows = replace(rows, pass_id=rows.pass_id + int(np.max(points.pass_id)) + 1)
+    if points.range_m is None or points.range_rate_m_s is None:
+        rows = replace(rows, range_m=None, range_rate_m_s=None)
+    return Observations.concatenate([points, rows])
 
 
 @dataclass(frozen=True, eq=False)
