@@ -50,6 +50,7 @@ EXECUTABLES = {
         "scan",
         "station",
         "track",
+        "tune",
     ],
     "array_sensors.nodes": [
         "array_receiver",
