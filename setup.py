@@ -47,6 +47,7 @@ EXECUTABLES = {
         "plan_calibration",
         "plan_passes",
         "report",
+        "scan",
         "station",
         "track",
         "tune",

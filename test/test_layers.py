@@ -26,6 +26,7 @@ SIBLINGS = {
     "calibration": SIBLING | {"yaml"},
     "planning": SIBLING,
     "identification": SIBLING,
+    "radiometry": SIBLING,
     "operations": {"icalendar"},
     "drives": BASE | {"serial"},
     # The last two are optional: their sources say what to install.
@@ -61,6 +62,8 @@ ALLOWED_ROOMS = {
     "operations": {"core", "planning"},
     # Noise and level as the simulated receiver has them.
     "receiver": {"core", "rf"},
+    # Fluxes of bodies and patterns of beams are those of the link budget.
+    "radiometry": {"core", "rf"},
     "station": {"core", *SIBLINGS},
     "simulation": {"core", "station", *SIBLINGS},
     "report": {"core", "station", "simulation", *SIBLINGS},

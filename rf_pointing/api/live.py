@@ -17,6 +17,8 @@ import yaml
 from rf_pointing_msgs.action import TrackPass
 
 from rf_pointing.api.requests import CalibrateRequest, IdentifyRequest, RunRequest, TrackRequest
+from rf_pointing.api.scan import ScanRequest
+from rf_pointing.api.station import Station
 from rf_pointing.api.target import Target
 from rf_pointing.api.tuning import tune
 from rf_pointing.core import MDEG, Sensor
@@ -27,6 +29,7 @@ from rf_pointing.identification import Recording
 from rf_pointing.identification.study import study
 from rf_pointing.planning.horizon import horizon_to_notes
 from rf_pointing.ros.campaign_run import CalibrationOutcome, CalibrationRun
+from rf_pointing.ros.convert_goals import scan_to_message
 from rf_pointing.ros.experiment_run import EndedEarlyError, ExperimentRun
 from rf_pointing.ros.graph import (
     ARRAY_GRAPH,
@@ -39,6 +42,8 @@ from rf_pointing.ros.graph import (
     with_trackers,
 )
 from rf_pointing.ros.live_pass import outcome_line, track_pass
+from rf_pointing.ros.live_scan import LiveScan
+from rf_pointing.ros.station_client import StationClient
 from rf_pointing.ros.station_run import RunSetup, StationRun, parameter_file, run_to_end
 from rf_pointing.station.antenna.memory import state_files, state_folder
 from rf_pointing.station.campaign.calibrator import journal_of
@@ -114,6 +119,33 @@ def prepare_track(request: TrackRequest) -> Flight:
 def track(request: TrackRequest) -> TrackResult:
     """Track one pass with the whole graph; record it and report on it."""
     return prepare_track(request).fly()
+
+
+def scan(
+    client: StationClient, target: str, *, station: str = "", output: Path | None = None,
+    table: Path | None = None, **pattern: Any,
+) -> bool:  # fmt: skip
+    """Scan with a station that runs, and say what was found; return whether it is complete.
+
+    `station` is its description where that of its nodes is not on this computer; `pattern` are
+    fields of `ScanRequest`.  The result is kept in `output`, its offsets in the `table`.
+    """
+    of_node = partial(client.parameter, "pointing_controller")
+    elements = client.parameter("ephemeris_publisher", "source.elements")
+    live = LiveScan(client)
+    client.until(lambda: live.client.server_is_ready() and live.now_s is not None, "scan")
+    mine = Station(station or of_node("station"), of_node("band") or None, model=live.model)
+    sought = Target(location=elements or "", satellite=target)
+    request = ScanRequest(station=mine, target=sought, **pattern)
+    assert live.now_s is not None
+    goal = scan_to_message(request.program(live.now_s), satellite=target)
+    ended = live.result(live.begin(goal))
+    client.say(ended.message)
+    if not ended.success:
+        return False
+    found = request.result(live.samples)
+    found.keep(output, table)
+    return True
 
 
 @dataclass(frozen=True)

@@ -5,8 +5,9 @@
     2026-11-26T18:30:00,Moon,0.51,-0.33
 
 Offsets are those of the axes: azimuth is not multiplied by cos(elevation).  They count from the
-prediction without a model.  A target is a name or number among the elements, Sun, Moon or a radio
-source.  A fifth column `sigma_deg` may say how well the middle of the beam was found on the sky.
+prediction without a model.  A target is a name or number among the elements, Sun, Moon, a radio
+source, a planet or `radec RA DEC`.  A fifth column `sigma_deg` may say how well the middle of the
+beam was found on the sky.
 """
 
 import csv
@@ -24,7 +25,7 @@ from rf_pointing.core.refraction import RadioRefraction
 from rf_pointing.core.types import Array
 from rf_pointing.core.whole_file import DATA_BYTES, read_whole
 from rf_pointing.ephemeris import Elements, Site, TargetSource, TopocentricTrack, find_elements
-from rf_pointing.ephemeris.source import BODIES
+from rf_pointing.ephemeris.source import body_of
 
 COLUMNS = ("utc", "target", "azimuth_offset_deg", "elevation_offset_deg")
 SIGMA = "sigma_deg"
@@ -107,10 +108,10 @@ def _header(path: Path) -> list[str]:
 
 
 def _source(elements: Sequence[Elements], target: str) -> Elements | TargetSource:
-    if body := BODIES.get(target.casefold()):
-        return body()
+    if (body := body_of(target)) is not None:
+        return body
     if not elements:
-        raise ValueError(f"target={target!r} needs --elements FILE: without elements only Sun, Moon and radio sources")
+        raise ValueError(f"target={target!r} needs --elements FILE: without it only bodies")
     return find_elements(elements, target)
 
 
