@@ -23,7 +23,7 @@ from rf_pointing.planning import AxisLimits
 from rf_pointing.simulation import StationSetup, simulate_pass
 from rf_pointing.station.description import DEFAULT_STATION, StationDescription, read_station
 from rf_pointing.station.pointing.certificates import PlannedPass, PlanningRules, planned_certificate
-from rf_pointing.station.pointing.multi_satellite_plan import plan_day
+from rf_pointing.station.pointing.multi_satellite_plan import PlannedAntenna, plan_day
 from rf_pointing.station.pointing.params import ControllerParams
 from rf_pointing.tracking.power_tracker import CarrierTracker
 
@@ -283,11 +283,8 @@ class Station:
             newest_s = max(epochs, default=now_s)
             begin_s = now_s if abs(now_s - newest_s) <= MAX_AGE_S - length_s else newest_s
         least_rad = angle_rad("mask", mask_deg, mask_rad, self.lowest_rad)
-        day = plan_day(
-            wishes, self.site, begin_s, length_s, self.rules, self.start_rad, least_rad, gap_s=gap_s,
-            max_age_s=MAX_AGE_S,
-        )  # fmt: skip
-        return Plan(self, day)
+        antenna = PlannedAntenna(site=self.site, rules=self.rules, encoder_rad=self.start_rad, least_rad=least_rad)
+        return Plan(self, plan_day(wishes, antenna, begin_s, length_s, gap_s=gap_s, max_age_s=MAX_AGE_S))
 
     def link_budget(self, one: StationPass | None = None) -> LinkBudgetTable:
         """Return noise, G/T and C/N0 of the band over elevation, or along a pass.
