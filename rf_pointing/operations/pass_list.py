@@ -109,7 +109,7 @@ def to_calendar(
         event.add("dtstart", datetime.fromtimestamp(math.floor(item.aos_t_s), UTC))
         event.add("dtend", datetime.fromtimestamp(math.floor(item.los_t_s), UTC) + timedelta(seconds=1))
         event.add("summary", f"{name}, peak {math.degrees(item.peak_rad):.0f} deg")
-        event.add("location", station)
+        event.add("location", item.antenna or station)
         event.add("description", (remarks or {}).get(item.id, f"{item.target}, priority {item.priority}"))
         event.add(_EXACT, json.dumps(row_of(item)))
         calendar.add_component(event)

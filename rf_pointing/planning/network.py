@@ -165,7 +165,7 @@ class Programme:
     def _solved(
         self, free: BoolArray, fixed: Collection[int], owed: Sequence[Owed], solving_s: float
     ) -> tuple[set[int], float]:
-        """Return the options of `free` nodes that are taken, and by what share better is possible."""
+        """Return the options taken of `free` nodes, and by what share a plan could be better."""
         from scipy.optimize import Bounds, LinearConstraint, linprog, milp
         from scipy.sparse import csr_array, hstack, vstack
 

@@ -79,7 +79,7 @@ def _draw_lines(axes: Any, plan: DayPlan, rows: Sequence[str], colours: dict[int
     axes.axhline(0.5, color="#888888", lw=0.7)
     axes.set_ylim(max(len(rows), FEWEST_ROWS) + 0.6, -0.6)
     axes.set_xlim(0.0, plan.duration_s / 3600.0)
-    _clock_axis(axes, plan)
+    clock_axis(axes, plan)
     axes.grid(axis="y", visible=False)
     from matplotlib.patches import Patch
 
@@ -107,7 +107,7 @@ def _look(item: DayPass, colour: str) -> tuple[str, Any, float]:
     return (YIELDS_COLOUR, YIELDS_COLOUR, 0.4) if item.fate is Fate.YIELDS else ("white", BARRED_COLOUR, 0.4)
 
 
-def _clock_axis(axes: Any, plan: DayPlan) -> None:
+def clock_axis(axes: Any, plan: DayPlan) -> None:
     """Write whole hours of UTC below the axis, with the date where a day begins."""
     hours = plan.duration_s / 3600.0
     step = next((s for s in (0.25, 0.5, 1, 2, 3, 6, 12, 24, 48) if hours / s <= 12.0), 96) * 3600.0

@@ -13,7 +13,7 @@ is joined as soon as the antenna can be there.
 import dataclasses
 import itertools
 import math
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 
@@ -179,15 +179,15 @@ class AntennaDay:
                 windows += self._issued.passes(wish.target, start_t_s, duration_s, self._least)
         windows = [w for each in windows for w in self._open_parts(each)]
         wanted = [w for w in windows if w.peak_elevation_rad >= self.wish_of[id(w.target)].min_peak_rad]
-        rest = (start_t_s, antenna.encoder_rad)
-        at_once = [_FreeTime(*rest, start_t_s + duration_s, None)]
-        self.wanted = [
-            one
-            for w in wanted
-            for one in (w.rises_before and not _is_long(w) and self._pieces(w, at_once, 0.0, 0.0)) or [w]
-        ]
-        self._cut = set[int]()
+        self.wanted = self._joined(wanted, lambda window: not _is_long(window))
+        self._cut, self._shared = set[int](), set[int]()
         self._judge()
+
+    def _joined(self, windows: Sequence[CataloguePass], which: Callable[[CataloguePass], bool]) -> list[CataloguePass]:
+        """Return the passes; those that last at the start begin when the antenna can be there."""
+        at_once = [_FreeTime(*self.rest, sum(self._span), None)]
+        found = (w.rises_before and which(w) and self._pieces(w, at_once, 0.0, 0.0) for w in windows)
+        return [one for each, w in zip(found, windows, strict=True) for one in each or [w]]
 
     def _judge(self) -> None:
         """Bar what fits no turn; what was barred for its slew may be in time now."""
@@ -227,7 +227,7 @@ class AntennaDay:
         return Candidate(
             name=window.name, aos_t_s=window.aos_t_s, los_t_s=window.los_t_s, peak_rad=window.peak_elevation_rad,
             # Above a whole number below: what stays up lends its time to passes of its priority.
-            priority=wish.priority - 0.5 * _is_long(window), turns=_turns(window, self.antenna.rules.limits),
+            priority=wish.priority - 0.5 * self._is_long(window), turns=_turns(window, self.antenna.rules.limits),
         )  # fmt: skip
 
     def candidates(self) -> list[Candidate]:
@@ -287,26 +287,53 @@ class AntennaDay:
         )  # fmt: skip
         return {k: found[place] for place, (k, _) in enumerate(others, start=len(self._tracked))}
 
+    @property
+    def lasting(self) -> set[int]:
+        """Targets (by identity) that stay up for long over this antenna."""
+        return {id(window.target) for window in self.wanted if _is_long(window)}
+
+    def share(self, lasting: set[int]) -> None:
+        """Rank all passes of these targets below others: over one of the antennas they last."""
+        self._shared, self.wanted = lasting, self._joined(self.wanted, _is_long)
+        self._judge()
+
     def long_of(self, yields: Iterable[int]) -> list[int]:
-        """Return those of the passes that stay up for long and are not cut into pieces yet."""
-        return [k for k in yields if _is_long(self.wanted[k]) and id(self.wanted[k].target) not in self._cut]
+        """Return long stays that yield, or are tracked in part, and are not cut into pieces yet."""
+        tracked_s = dict.fromkeys(yields, 0.0)
+        for k, window, *_ in self.certified:
+            tracked_s[k] = tracked_s.get(k, 0.0) + window.duration_s
+        return [
+            k for k, spent_s in tracked_s.items() if spent_s < self.wanted[k].duration_s - LEAST_PIECE_S
+            and self._is_long(self.wanted[k]) and id(self.wanted[k].target) not in self._cut
+        ]  # fmt: skip
+
+    def _is_long(self, window: CataloguePass) -> bool:
+        return _is_long(window) or id(window.target) in self._shared
 
     def rank(self, k: int) -> tuple[float, float]:
         """Return how much a pass is wanted."""
         window = self.wanted[k]
         return self.wish_of[id(window.target)].priority, window.peak_elevation_rad
 
+    @property
+    def _rests(self) -> list[tuple[float, float, Pair, Pair]]:
+        return [(begin, end, *(self.antenna.encoder_rad,) * 2) for begin, end in self.antenna.closed]
+
+    def _held(self, but: int) -> list[tuple[float, float, Pair, Pair]]:
+        """Return times and ends of what is tracked, but for one pass that is cut anew."""
+        return [
+            (one.aos_t_s, one.los_t_s, one.chosen.start_rad, one.chosen.end_rad)
+            for k, _, one, _ in self.certified if one.chosen and k != but
+        ]  # fmt: skip
+
     def cut(self, numbers: Collection[int]) -> None:
         """Cut stays into pieces that fit between the certified passes."""
-        rests = [(begin, end, *(self.antenna.encoder_rad,) * 2) for begin, end in self.antenna.closed]
-        held = [
-            (one.aos_t_s, one.los_t_s, one.chosen.start_rad, one.chosen.end_rad)
-            for _, _, one, _ in self.certified if one.chosen
-        ]  # fmt: skip
-        free = _free_times(sorted([*rests, *held]), self.rest, sum(self._span))
         found = []
         for k, window in enumerate(self.wanted):
-            pieces = self._pieces(window, free, self.gap_s, LEAST_PIECE_S) if k in numbers else []
+            pieces = []
+            if k in numbers:
+                free = _free_times(sorted([*self._rests, *self._held(k)]), self.rest, sum(self._span))
+                pieces = self._pieces(window, free, self.gap_s, LEAST_PIECE_S)
             found += pieces or [window]
         self._cut |= {id(self.wanted[k].target) for k in numbers}
         self.wanted = sorted(found, key=lambda window: window.aos_t_s)

@@ -21,11 +21,13 @@ from rf_pointing.core.types import Array
 from rf_pointing.ephemeris import CataloguePass
 from rf_pointing.planning import Candidate, turns_within
 from rf_pointing.planning.network import Option, Owed, Programme
-from rf_pointing.station.pointing.multi_satellite_plan import AntennaDay, DayPlan, PlannedAntenna, Wish
+from rf_pointing.station.pointing.multi_satellite_plan import LONG_S, AntennaDay, DayPlan, PlannedAntenna, Wish
 
 SHORTEST_PART_S = 120.0
 """A pass is not cut nearer to its ends, nor to another cut."""
 HANDOVER_POINTS, PART_STEP_S, MOST_PART_POINTS = 25, 10.0, 2000
+FEW_PIECES = 60
+"""The pieces of a stay are cut at the ends of each other while there are so few of them."""
 MANY_OPTIONS, APART_S = 3000, 3600.0
 """In a plan of more options what is further in time from a barred pass is not chosen again."""
 COUNT_WORTH = 0.2
@@ -34,10 +36,14 @@ COUNT_WORTH = 0.2
 
 @dataclass(frozen=True, kw_only=True)
 class NetworkDay:
-    """The plan of each antenna, and the largest share by which the choice could be better."""
+    """The plan of each antenna, and the largest share by which the choice could be better.
+
+    `visible` are the passes over each antenna, before they are cut.
+    """
 
     days: tuple[DayPlan, ...]
     better_by: float
+    visible: tuple[tuple[CataloguePass, ...], ...]
 
 
 @dataclass(frozen=True)
@@ -72,13 +78,17 @@ def plan_days(
         AntennaDay(_offered(wishes, antenna), antenna, start_t_s, duration_s, gap_s=gap_s, max_age_s=max_age_s)
         for antenna in antennas
     ]
+    lasting = set[int]().union(*(day.lasting for day in days))
+    for day in days:
+        day.share(lasting)
+    visible = tuple(tuple(day.wanted) for day in days)
     owed = [
         Owed(target=id(wish.target), begin_t_s=begin_s, end_t_s=min(begin_s + DAY_S, start_t_s + duration_s),
              least_s=wish.contact_s * min(1.0, (start_t_s + duration_s - begin_s) / DAY_S))
         for wish in wishes if wish.contact_s > 0.0
         for begin_s in np.arange(start_t_s, start_t_s + duration_s - 1.0, DAY_S).tolist()
     ]  # fmt: skip
-    network = _Network(days, names, clear, gap_s, owed)
+    network = _Network(days, names, clear, gap_s, owed, lasting)
     better_by = 0.0
     while True:
         better_by = max(better_by, network.choose())
@@ -86,7 +96,9 @@ def plan_days(
         long = [(k, number) for k, day in enumerate(days) for number in day.long_of(yields[k])]
         if not long:
             return NetworkDay(
-                days=tuple(day.plan(mine) for day, mine in zip(days, yields, strict=True)), better_by=better_by
+                days=tuple(day.plan(mine) for day, mine in zip(days, yields, strict=True)),
+                better_by=better_by,
+                visible=visible,
             )
         # The most wanted ones first: what they leave is left to the next ones.
         highest = max(days[k].rank(number)[0] for k, number in long)
@@ -104,8 +116,9 @@ class _Network:
 
     def __init__(
         self, days: Sequence[AntennaDay], names: Sequence[str], clear: Sequence[float], gap_s: float,
-        owed: Sequence[Owed],
+        owed: Sequence[Owed], lasting: set[int],
     ) -> None:  # fmt: skip
+        self._lasting = lasting
         self._days, self._names, self._clear, self._gap_s, self._owed = days, names, clear, gap_s, owed
         self._axes = [day.antenna.rules.machine.axes for day in days]
         self._chosen: list[tuple[int, _Part]] = []
@@ -139,12 +152,13 @@ class _Network:
         for k, day in enumerate(self._days):
             for number, (window, candidate) in enumerate(zip(day.wanted, day.candidates(), strict=True)):
                 candidate = dataclasses.replace(candidate, share=self._clear[k])
+                lasts = id(window.target) in self._lasting
                 inside = [t_s for t_s in cuts.get(id(window.target), ()) if _may_be_cut(window, t_s)]
                 pieces = [candidate]
-                if inside and candidate.turns:
+                if candidate.turns and (inside or lasts):
                     key = id(window), tuple(inside)
                     if key not in self._cut:
-                        self._cut[key] = window, _pieces(day, window, candidate, inside)
+                        self._cut[key] = window, _pieces(day, window, candidate, inside, lasts)
                     pieces = self._cut[key][1]
                 found += [
                     _Part(k, number, dataclasses.replace(window, aos_t_s=one.aos_t_s, los_t_s=one.los_t_s), one)
@@ -171,6 +185,9 @@ class _Network:
                         if key not in self._higher:
                             self._higher[key] = window, later, self._higher_from(k, window, other, later)
                         times.append(self._higher[key][2])
+            if target in self._lasting and len(windows) <= FEW_PIECES:
+                # Another antenna may fill what the pieces of a stay leave between them.
+                times += [t_s for _, one in windows for t_s in (one.aos_t_s, one.los_t_s)]
             kept: list[float] = []
             for t_s in sorted(times):
                 if not kept or t_s - kept[-1] >= SHORTEST_PART_S:
@@ -269,8 +286,13 @@ def _apart(window: CataloguePass, spans: Sequence[tuple[float, float]]) -> bool:
     return all(window.aos_t_s > end + APART_S or window.los_t_s < begin - APART_S for begin, end in spans)
 
 
-def _pieces(day: AntennaDay, window: CataloguePass, whole: Candidate, cuts: Sequence[float]) -> list[Candidate]:
-    """Return the parts of a pass between `cuts`, with their shares of its worth."""
+def _pieces(
+    day: AntennaDay, window: CataloguePass, whole: Candidate, cuts: Sequence[float], lasts: bool
+) -> list[Candidate]:
+    """Return the parts of a pass between `cuts`, with their shares of its worth.
+
+    Parts of a stay of hours count by their time and height, however it is cut.
+    """
     count = min(MOST_PART_POINTS, max(3, math.ceil(window.duration_s / PART_STEP_S) + 1))
     ends = np.array([window.aos_t_s, *cuts, window.los_t_s])
     times = np.union1d(np.linspace(window.aos_t_s, window.los_t_s, count), ends)
@@ -279,7 +301,8 @@ def _pieces(day: AntennaDay, window: CataloguePass, whole: Candidate, cuts: Sequ
     places = np.searchsorted(times, ends)
     height = COUNT_WORTH + np.sin(np.maximum(elevation, 0.0))
     weights = np.array([_area(times[a : b + 1], height[a : b + 1]) for a, b in itertools.pairwise(places)])
-    shares = whole.share * weights / weights.sum()
+    # A stay of `LONG_S` counts as much as a pass of its height.
+    shares = whole.share * weights / (LONG_S * (COUNT_WORTH + math.sin(whole.peak_rad)) if lasts else weights.sum())
     limits, found = day.antenna.rules.limits, []
     for number, (a, b) in enumerate(itertools.pairwise(places)):
         path = azimuth[a : b + 1]
