@@ -3,9 +3,7 @@
 Rows, text, JSON, CSV, calendar and pictures; the plan of each station is a `Plan` of its own.
 """
 
-import csv
 import hashlib
-import io
 import itertools
 import json
 import math
@@ -26,7 +24,7 @@ from rf_pointing.core.checks import id_of, one_of
 from rf_pointing.core.dates import DAY_S, parse_utc, utc_text
 from rf_pointing.core.whole_file import parse_json, read_whole
 from rf_pointing.ephemeris import CataloguePass
-from rf_pointing.operations.pass_list import read_passes, to_calendar
+from rf_pointing.operations.pass_list import read_passes, table_of, to_calendar
 from rf_pointing.operations.schedule import BetweenParams
 from rf_pointing.planning.availability import availability
 from rf_pointing.station.pointing.multi_satellite_plan import DayPass, Fate, Wish
@@ -106,8 +104,9 @@ class NetworkPlan:
                 # In a long pause the executive parks the antenna: it leaves from there.
                 if item.window.aos_t_s - free_s > BetweenParams().park_after_s:
                     slew_s = station.rules.machine.slew_s(station.start_rad, chosen.start_rad)
+                # A slew that takes longer than the time between is late at the pass.
+                yield item, station, max(free_s, item.window.aos_t_s - slew_s)
                 free_s = item.window.los_t_s
-                yield item, station, max(plan.day.start_t_s, item.window.aos_t_s - slew_s)
 
     @cached_property
     def contacts(self) -> list[TargetContact]:
@@ -160,8 +159,7 @@ class NetworkPlan:
                 f"{earlier}: its plan, {head['start_utc']} to {head['end_utc']}, does not last when this one does, "
                 f"from {utc_text(self._span[0])} on"
             )
-        now = [row for row in _spans(self.rows) if row.aos_s < end_s and row.los_s > begin_s]
-        then = [row for row in _spans(head["passes"]) if row.aos_s < end_s and row.los_s > begin_s]
+        now, then = (_spans(rows, begin_s, end_s) for rows in (self.rows, head["passes"]))
         stations = {one["name"]: one["description"] for one in head["network"]}
         found = [f"station {name} is new" for name in self.plans if name not in stations]
         found += [f"station {name} has left" for name in stations if name not in self.plans]
@@ -200,11 +198,7 @@ class NetworkPlan:
 
     def to_csv(self) -> str:
         """Return a line for every contact, with the names of the rows in the first one."""
-        text = io.StringIO()
-        writer = csv.DictWriter(text, list(self.rows[0]) if self.rows else ["station"], lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(self.rows)
-        return text.getvalue()
+        return table_of(self.rows)
 
     def to_calendar(self, now_t_s: float | None = None) -> str:
         """Return the contacts as a calendar (RFC 5545), each at its station."""
@@ -218,7 +212,7 @@ class NetworkPlan:
     def draw(self, path: str | Path) -> list[Path]:
         """Draw the network into a PNG, and each station beside it; return the files."""
         # Matplotlib is loaded where a picture is wanted.
-        from rf_pointing.report.network_picture import draw_network
+        from rf_pointing.report.day_picture import draw_network
 
         path = Path(path)
         draw_network({name: plan.day for name, plan in self.plans.items()}, path)
@@ -395,11 +389,18 @@ class _Span:
         return f"{self.station} {self.target} {self.clock}"
 
 
-def _spans(rows: Sequence[Mapping[str, Any]]) -> list[_Span]:
-    return [
-        _Span(str(row["station"]), str(row["name"]), parse_utc(str(row["aos_utc"])), parse_utc(str(row["los_utc"])))
+def _spans(rows: Sequence[Mapping[str, Any]], begin_s: float = -math.inf, end_s: float = math.inf) -> list[_Span]:
+    """Return the contacts of rows between two times."""
+    found = [
+        _Span(
+            str(row["station"]),
+            str(row["name"]),
+            max(begin_s, parse_utc(str(row["aos_utc"]))),
+            min(end_s, parse_utc(str(row["los_utc"]))),
+        )
         for row in rows
     ]
+    return [one for one in found if one.aos_s < one.los_s]
 
 
 def _earlier(path: Path) -> tuple[dict[str, Any], tuple[float, float]]:

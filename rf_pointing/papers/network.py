@@ -57,11 +57,17 @@ IDEAL = (
 )
 """Zenith distance, stations and availability of ideal networks."""
 DECIBELS = (
-    ("night, ideal", 1716.0, 8.5), ("day, ARF, ideal", 1056.0, 6.4), ("day, conventional, ideal", 377.0, 2.0),
-    ("average, ARF, ideal", 1386.0, 7.6), ("average, conventional, ideal", 1047.0, 6.4), ("night, Pluto", 1215.0, 7.0),
-    ("day, ARF, Pluto", 774.0, 5.1), ("day, conventional, Pluto", 298.0, 0.94), ("average, ARF, Pluto", 994.0, 6.2),
+    ("night, ideal", 1716.0, 8.5),
+    ("day, ARF, ideal", 1056.0, 6.4),
+    ("day, conventional, ideal", 377.0, 2.0),
+    ("average, ARF, ideal", 1386.0, 7.6),
+    ("average, conventional, ideal", 1047.0, 6.4),
+    ("night, Pluto", 1215.0, 7.0),
+    ("day, ARF, Pluto", 774.0, 5.1),
+    ("day, conventional, Pluto", 298.0, 0.94),
+    ("average, ARF, Pluto", 994.0, 6.2),
     ("average, conventional, Pluto", 757.0, 5.0),
-)  # fmt: skip
+)
 """Rates (kb/s) and gains (dB) over 240 kb/s of Table 9."""
 
 
@@ -77,24 +83,70 @@ def weather_rows() -> list[Row]:
     apart_km = WEATHER_M * math.sqrt(2.0 * math.log(100.0)) / 1e3
     found = [
         Row("one station", "OPTICAL IV.B", 0.66, far[1], "", 0.001),
-        Row("two stations", "OPTICAL eq. 2", 0.88, far[2], "", 0.005, remark=f"exactly {far[2]:.4f}"),
-        Row("three stations", "OPTICAL eq. 2", 0.96, far[3], "", 0.005, remark=f"exactly {far[3]:.4f}"),
-        Row("seven stations, shares as rounded in the text", "OPTICAL Table 6", 0.91,
-            0.65 * far[2] + 0.35 * far[3], "", 0.005, remark="0.9111"),
-        Row("eight stations, shares as rounded in the text", "OPTICAL Table 6", 0.94,
-            0.34 * far[2] + 0.66 * far[3], "", 0.001, due=(0.9347, 0.9349),
-            remark="0.9348 rounds to 93; the exact share of two thirds gives 0.9353, which rounds to 94"),
-        Row("correlation at 151.7 km", "OPTICAL eq. 1", 0.01, weather_correlation(1e3 * apart_km), "", 1e-6),
+        Row(
+            "two stations", "OPTICAL eq. 2", 0.88, far[2], "", 0.005, remark=f"exactly {far[2]:.4f}"
+        ),
+        Row(
+            "three stations",
+            "OPTICAL eq. 2",
+            0.96,
+            far[3],
+            "",
+            0.005,
+            remark=f"exactly {far[3]:.4f}",
+        ),
+        Row(
+            "seven stations, shares as rounded in the text",
+            "OPTICAL Table 6",
+            0.91,
+            0.65 * far[2] + 0.35 * far[3],
+            "",
+            0.005,
+            remark="0.9111",
+        ),
+        Row(
+            "eight stations, shares as rounded in the text",
+            "OPTICAL Table 6",
+            0.94,
+            0.34 * far[2] + 0.66 * far[3],
+            "",
+            0.001,
+            due=(0.9347, 0.9349),
+            remark="0.9348 rounds to 93; the exact share of two thirds gives 0.9353, which rounds to 94",
+        ),
+        Row(
+            "correlation at 151.7 km",
+            "OPTICAL eq. 1",
+            0.01,
+            weather_correlation(1e3 * apart_km),
+            "",
+            1e-6,
+        ),
         Row("distance at which rho is 0.01", "OPTICAL IV.B", 150.0, apart_km, "km", 2.0),
-        Row("spacing of six stations", "OPTICAL IV.D", 7000.0, math.tau * 6378.137 / 6.0, "km", 330.0),
-    ]  # fmt: skip
+        Row(
+            "spacing of six stations",
+            "OPTICAL IV.D",
+            7000.0,
+            math.tau * 6378.137 / 6.0,
+            "km",
+            330.0,
+        ),
+    ]
     for zenith_deg, count, paper in IDEAL:
         clear = _available([(360.0 * k / count, 0.0) for k in range(count)], 0.0, zenith_deg)[1]
         high = (zenith_deg, count) == (75.0, 8)
         found.append(
-            Row(f"{count} stations on the equator to {zenith_deg:.0f} deg", "OPTICAL Table 6", paper, clear, "", 0.005,
-                remark="0.9693, which rounds to 97" if high else "", due=(0.9692, 0.9694) if high else None)
-        )  # fmt: skip
+            Row(
+                f"{count} stations on the equator to {zenith_deg:.0f} deg",
+                "OPTICAL Table 6",
+                paper,
+                clear,
+                "",
+                0.005,
+                remark="0.9693, which rounds to 97" if high else "",
+                due=(0.9692, 0.9694) if high else None,
+            )
+        )
     return found
 
 
@@ -106,20 +158,68 @@ def coverage_rows() -> list[Row]:
     six = {deg: _available(ldos, PLUTO_RAD, deg) for deg in (60.0, 65.0, line_deg, 70.0)}
     gap_h = 24.0 * (1.0 - share[70.0])
     return [
-        Row("zenith distance of the -6.2 dB line", "OPTICAL IV.A", 70.0, line_deg, "deg", 0.5, due=(67.6, 67.8),
-            remark="arccos(2.35 / 6.2); the text calls it approximately 70 deg"),
-        Row("coverage of COS 3x3 to 60 deg", "OPTICAL IV.D", 100.0, 100.0 * share[60.0], "%", 0.5, due=(61.0, 61.2),
-            remark="100 % is that of ideal sites on the equator; the actual sites see Pluto 61.1 % of the time"),
-        Row("coverage of COS 3x3 on the -6.2 dB line", "OPTICAL Table 7", 79.0, 100.0 * share[line_deg], "%", 0.5),
-        Row("coverage of COS 3x3 to 70 deg", "OPTICAL Table 7", 79.0, 100.0 * share[70.0], "%", 0.5, due=(83.7, 83.9),
-            remark="79 % belongs to 67.7 deg, and the gaps of 4 h to 70 deg: two limits in one statement"),
+        Row(
+            "zenith distance of the -6.2 dB line",
+            "OPTICAL IV.A",
+            70.0,
+            line_deg,
+            "deg",
+            0.5,
+            due=(67.6, 67.8),
+            remark="arccos(2.35 / 6.2); the text calls it approximately 70 deg",
+        ),
+        Row(
+            "coverage of COS 3x3 to 60 deg",
+            "OPTICAL IV.D",
+            100.0,
+            100.0 * share[60.0],
+            "%",
+            0.5,
+            due=(61.0, 61.2),
+            remark="100 % is that of ideal sites on the equator; the actual sites see Pluto 61.1 % of the time",
+        ),
+        Row(
+            "coverage of COS 3x3 on the -6.2 dB line",
+            "OPTICAL Table 7",
+            79.0,
+            100.0 * share[line_deg],
+            "%",
+            0.5,
+        ),
+        Row(
+            "coverage of COS 3x3 to 70 deg",
+            "OPTICAL Table 7",
+            79.0,
+            100.0 * share[70.0],
+            "%",
+            0.5,
+            due=(83.7, 83.9),
+            remark="79 % belongs to 67.7 deg, and the gaps of 4 h to 70 deg: two limits in one statement",
+        ),
         Row("gaps of COS 3x3 to 70 deg", "OPTICAL IV.D", 4.0, gap_h, "h", 0.15),
-        Row("coverage of LDOS 6 to 60 deg", "OPTICAL Table 7", 95.0, 100.0 * six[60.0][0], "%", 0.5),
+        Row(
+            "coverage of LDOS 6 to 60 deg", "OPTICAL Table 7", 95.0, 100.0 * six[60.0][0], "%", 0.5
+        ),
         Row("coverage of LDOS 6 to 65 deg", "OPTICAL IV.D", 100.0, 100.0 * six[65.0][0], "%", 0.0),
-        Row("availability of LDOS 6 on the -6.2 dB line", "OPTICAL Table 6", 0.81, six[line_deg][1], "", 0.01),
-        Row("availability of LDOS 6 to 70 deg", "OPTICAL Table 6", 0.81, six[70.0][1], "", 0.01, due=(0.838, 0.840),
-            remark="81 % belongs to the line of 67.7 deg, which the paper calls 70 deg"),
-    ]  # fmt: skip
+        Row(
+            "availability of LDOS 6 on the -6.2 dB line",
+            "OPTICAL Table 6",
+            0.81,
+            six[line_deg][1],
+            "",
+            0.01,
+        ),
+        Row(
+            "availability of LDOS 6 to 70 deg",
+            "OPTICAL Table 6",
+            0.81,
+            six[70.0][1],
+            "",
+            0.01,
+            due=(0.838, 0.840),
+            remark="81 % belongs to the line of 67.7 deg, which the paper calls 70 deg",
+        ),
+    ]
 
 
 def telescope_rows() -> list[Row]:
@@ -131,13 +231,36 @@ def telescope_rows() -> list[Row]:
     return [
         Row("secondary magnification", source, 15.5, m, "", 1e-9),
         Row("secondary to focus", source, BEHIND_M, behind, "m", 0.005),
-        Row("secondary radius of curvature", source, -1.069, -2.0 * (F1_M - APART_M) * m / (m - 1.0), "m", 5e-4),
-        Row("primary aspheric deformation K1", source, -1.0009, -1.0 - 2.0 / m**3 * ratio, "", 5e-5),
-        Row("secondary aspheric deformation K2", source, -1.3062,
-            -1.0 - 2.0 / (m - 1.0) ** 3 * (m * (2.0 * m - 1.0) + ratio), "", 5e-5),
+        Row(
+            "secondary radius of curvature",
+            source,
+            -1.069,
+            -2.0 * (F1_M - APART_M) * m / (m - 1.0),
+            "m",
+            5e-4,
+        ),
+        Row(
+            "primary aspheric deformation K1", source, -1.0009, -1.0 - 2.0 / m**3 * ratio, "", 5e-5
+        ),
+        Row(
+            "secondary aspheric deformation K2",
+            source,
+            -1.3062,
+            -1.0 - 2.0 / (m - 1.0) ** 3 * (m * (2.0 * m - 1.0) + ratio),
+            "",
+            5e-5,
+        ),
         Row("scale at the focus", source, 12.9, scale, "urad/mm", 0.05),
-        Row("sidereal rate against the tracking rate", "OPTICAL Table 2", 0.005, 360.0 / 86164.09, "deg/s", 0.0, "<="),
-    ]  # fmt: skip
+        Row(
+            "sidereal rate against the tracking rate",
+            "OPTICAL Table 2",
+            0.005,
+            360.0 / 86164.09,
+            "deg/s",
+            0.0,
+            "<=",
+        ),
+    ]
 
 
 def link_rows() -> list[Row]:
@@ -155,25 +278,70 @@ def link_rows() -> list[Row]:
         Row("transmitter gain", source, 0.160e14, gain, "", 0.005e14),
         Row("pointing efficiency", source, 0.893, _pointing(), "", 0.005),
         Row("space loss", source, 0.890e-40, space, "", 0.005e-40),
-        Row("receiver gain", source, 0.446e16, receiver, "", 0.01e16, due=(3.16e15, 3.18e15),
-            remark="the printed gain contradicts the printed power: (pi D / lambda)^2 0.91 is 3.17e15, which gives it"),
+        Row(
+            "receiver gain",
+            source,
+            0.446e16,
+            receiver,
+            "",
+            0.01e16,
+            due=(3.16e15, 3.18e15),
+            remark="the printed gain contradicts the printed power: (pi D / lambda)^2 0.91 is 3.17e15, which gives it",
+        ),
         Row("received power", source, printed, power_w, "W", 0.01e-11),
         Row("received power", source, -86.4, 10.0 * math.log10(power_w * 1e3), "dBm", 0.05),
-        Row("detected photoelectrons a second", source, 0.255e7, detected, "1/s", 0.01e7, due=(1.27e6, 1.29e6),
-            remark="printed twice too large, and the symbol time half: the product is right"),
-        Row("symbol time", source, 0.290e-5, symbol_s, "s", 0.005e-5, due=(5.764e-6, 5.765e-6),
-            remark="256 slots of 10 ns and 3.2046 us of dead time"),
+        Row(
+            "detected photoelectrons a second",
+            source,
+            0.255e7,
+            detected,
+            "1/s",
+            0.01e7,
+            due=(1.27e6, 1.29e6),
+            remark="printed twice too large, and the symbol time half: the product is right",
+        ),
+        Row(
+            "symbol time",
+            source,
+            0.290e-5,
+            symbol_s,
+            "s",
+            0.005e-5,
+            due=(5.764e-6, 5.765e-6),
+            remark="256 slots of 10 ns and 3.2046 us of dead time",
+        ),
         Row("detected photoelectrons a symbol", source, 7.36, detected * symbol_s, "", 0.05),
-        Row("detected background a slot", source, BACKGROUND, detected * symbol_s * 1e-5, "", 2e-7,
-            remark="extinction of 1e5 leaks 7.36e-5 of the symbol; the sky of 0.323e-17 W would give 1.8e-8"),
+        Row(
+            "detected background a slot",
+            source,
+            BACKGROUND,
+            detected * symbol_s * 1e-5,
+            "",
+            2e-7,
+            remark="extinction of 1e5 leaks 7.36e-5 of the symbol; the sky of 0.323e-17 W would give 1.8e-8",
+        ),
         Row("required photoelectrons a symbol", source, 3.69, needed, "", 0.005),
-        Row("required without background", "ln(0.5 / BER)", math.log(0.5 / ERROR_RATE), without, "", 0.01,
-            remark="of equal counts one is drawn"),
+        Row(
+            "required without background",
+            "ln(0.5 / BER)",
+            math.log(0.5 / ERROR_RATE),
+            without,
+            "",
+            0.01,
+            remark="of equal counts one is drawn",
+        ),
         Row("margin", source, 3.0, 10.0 * math.log10(7.36 / needed), "dB", 0.05),
         Row("peak power", source, 4000.0, 7.0 * symbol_s / SLOT_S, "W", 50.0),
-        Row("beam at 30 AU against the Earth's diameter", "OPTICAL IV.D", 12756.0, 1.121e-6 * RANGE_M / 1e3, "km", 0.0,
-            "<="),
-    ]  # fmt: skip
+        Row(
+            "beam at 30 AU against the Earth's diameter",
+            "OPTICAL IV.D",
+            12756.0,
+            1.121e-6 * RANGE_M / 1e3,
+            "km",
+            0.0,
+            "<=",
+        ),
+    ]
 
 
 def rate_rows() -> list[Row]:
@@ -184,15 +352,54 @@ def rate_rows() -> list[Row]:
     return [
         Row("uncoded rate", "OPTICAL App. A", 1387.8, rate, "kb/s", 0.05),
         Row("coded rate", "OPTICAL Table 9", 1215.0, 0.877 * rate, "kb/s", 3.0),
-        *(Row(f"gain, {name}", "OPTICAL Table 9", gain_db, 10.0 * math.log10(kbps / 240.0), "dB", 0.06)
-          for name, kbps, gain_db in DECIBELS),
-        Row("between both lines", "OPTICAL Table 9", LINE_DB - 4.7, 10.0 * math.log10(1716.0 / 1215.0), "dB", 0.01),
-        Row("loss at 60 deg", "OPTICAL IV.B", 4.7, ZENITH_DB / math.cos(math.radians(60.0)), "dB", 0.01),
-        Row("loss at 70 deg", "OPTICAL IV.A", 17.0, wrong_db, "dB", 0.5, due=(6.8, 6.9),
-            remark="three air masses of 2.35 dB are 6.9 dB; 17 dB contradicts the line of 6.2 dB as well"),
-        Row("slope b of eq. 2 from w(30 dB) = 0.8", "OPTICAL IV.B", 0.11, b, "1/dB", 0.005, due=(0.083, 0.084),
-            remark="of q = 0.34; 0.11 is that of q = 0.40, while TMF has 0.34"),
-    ]  # fmt: skip
+        *(
+            Row(
+                f"gain, {name}",
+                "OPTICAL Table 9",
+                gain_db,
+                10.0 * math.log10(kbps / 240.0),
+                "dB",
+                0.06,
+            )
+            for name, kbps, gain_db in DECIBELS
+        ),
+        Row(
+            "between both lines",
+            "OPTICAL Table 9",
+            LINE_DB - 4.7,
+            10.0 * math.log10(1716.0 / 1215.0),
+            "dB",
+            0.01,
+        ),
+        Row(
+            "loss at 60 deg",
+            "OPTICAL IV.B",
+            4.7,
+            ZENITH_DB / math.cos(math.radians(60.0)),
+            "dB",
+            0.01,
+        ),
+        Row(
+            "loss at 70 deg",
+            "OPTICAL IV.A",
+            17.0,
+            wrong_db,
+            "dB",
+            0.5,
+            due=(6.8, 6.9),
+            remark="three air masses of 2.35 dB are 6.9 dB; 17 dB contradicts the line of 6.2 dB as well",
+        ),
+        Row(
+            "slope b of eq. 2 from w(30 dB) = 0.8",
+            "OPTICAL IV.B",
+            0.11,
+            b,
+            "1/dB",
+            0.005,
+            due=(0.083, 0.084),
+            remark="of q = 0.34; 0.11 is that of q = 0.40, while TMF has 0.34",
+        ),
+    ]
 
 
 def _available(

@@ -21,7 +21,13 @@ from rf_pointing.core.types import Array
 from rf_pointing.ephemeris import CataloguePass
 from rf_pointing.planning import Candidate, turns_within
 from rf_pointing.planning.network import Option, Owed, Programme
-from rf_pointing.station.pointing.multi_satellite_plan import LONG_S, AntennaDay, DayPlan, PlannedAntenna, Wish
+from rf_pointing.station.pointing.multi_satellite_plan import (
+    LONG_S,
+    AntennaDay,
+    DayPlan,
+    PlannedAntenna,
+    Wish,
+)
 
 SHORTEST_PART_S = 120.0
 """A pass is not cut nearer to its ends, nor to another cut."""
@@ -75,7 +81,14 @@ def plan_days(
     clear : probability of a sky through which each of them receives: passes count so much.
     """
     days = [
-        AntennaDay(_offered(wishes, antenna), antenna, start_t_s, duration_s, gap_s=gap_s, max_age_s=max_age_s)
+        AntennaDay(
+            _offered(wishes, antenna),
+            antenna,
+            start_t_s,
+            duration_s,
+            gap_s=gap_s,
+            max_age_s=max_age_s,
+        )
         for antenna in antennas
     ]
     lasting = set[int]().union(*(day.lasting for day in days))
@@ -119,7 +132,13 @@ class _Network:
         owed: Sequence[Owed], lasting: set[int],
     ) -> None:  # fmt: skip
         self._lasting = lasting
-        self._days, self._names, self._clear, self._gap_s, self._owed = days, names, clear, gap_s, owed
+        self._days, self._names, self._clear, self._gap_s, self._owed = (
+            days,
+            names,
+            clear,
+            gap_s,
+            owed,
+        )
         self._axes = [day.antenna.rules.machine.axes for day in days]
         self._chosen: list[tuple[int, _Part]] = []
         self._whole: dict[tuple[int, int, float, float], CataloguePass] = {}
@@ -161,7 +180,12 @@ class _Network:
                         self._cut[key] = window, _pieces(day, window, candidate, inside, lasts)
                     pieces = self._cut[key][1]
                 found += [
-                    _Part(k, number, dataclasses.replace(window, aos_t_s=one.aos_t_s, los_t_s=one.los_t_s), one)
+                    _Part(
+                        k,
+                        number,
+                        dataclasses.replace(window, aos_t_s=one.aos_t_s, los_t_s=one.los_t_s),
+                        one,
+                    )
                     for one in pieces
                 ]
         return found
@@ -183,7 +207,11 @@ class _Network:
                     if other != k and later.los_t_s > window.los_t_s:
                         key = id(window), id(later)
                         if key not in self._higher:
-                            self._higher[key] = window, later, self._higher_from(k, window, other, later)
+                            self._higher[key] = (
+                                window,
+                                later,
+                                self._higher_from(k, window, other, later),
+                            )
                         times.append(self._higher[key][2])
             if target in self._lasting and len(windows) <= FEW_PIECES:
                 # Another antenna may fill what the pieces of a stay leave between them.
