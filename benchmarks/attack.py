@@ -447,6 +447,8 @@ def died(station: Attacked) -> list[str]:
 
 def ask(station: Attacked, kind: Any, name: str, request: Any) -> Any:
     client = station.node.create_client(kind, name)
+    # An answer that arrives while the executor takes the client up would not be noticed.
+    station.spin(0.02)
     station.until(client.service_is_ready, name)
     future = client.call_async(request)
     station.until(future.done, f"an answer of {name}")

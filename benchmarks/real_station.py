@@ -311,6 +311,7 @@ class Station:
 
     def call(self, name: str) -> Trigger.Response:
         client = self.node.create_client(Trigger, name)
+        self.spin(0.02)
         self.until(client.service_is_ready, name)
         future = client.call_async(Trigger.Request())
         self.until(future.done, f"an answer of {name}")

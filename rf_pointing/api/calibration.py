@@ -12,7 +12,6 @@ import numpy as np
 from rf_pointing import __version__, calibration
 from rf_pointing.api.station import Station
 from rf_pointing.calibration import BiasModel, FitResult, Ionosphere, ModelVersion, Observations, TrackedPass
-from rf_pointing.core import MDEG
 from rf_pointing.core.dates import DAY_S
 from rf_pointing.core.refraction import RadioRefraction
 from rf_pointing.ephemeris import Elements
@@ -36,7 +35,8 @@ class DataFiles:
     refraction, time_error_s, ionosphere : air, lateness of the time tags, and ionosphere of the
         raw data of CSV and TDM.
     namespace : antenna, where a recording holds several.
-    largest_error_rad : samples of recordings with a larger sensed error are left out.
+    largest_error_rad : samples of recordings with a larger sensed error are left out; None: the
+        station's own limit, a tenth of its beam.
     allow_damage : take the sound part of damaged recordings.
     """
 
@@ -47,7 +47,7 @@ class DataFiles:
     time_error_s: float | None = None
     ionosphere: Ionosphere | None = None
     namespace: str | None = None
-    largest_error_rad: float = 6.0 * MDEG
+    largest_error_rad: float | None = None
     allow_damage: bool = False
 
     def read(self, station: Station) -> FitData:
@@ -90,9 +90,11 @@ class DataFiles:
         # Reading a recording loads a ROS message library, which CSV and TDM do without.
         from rf_pointing.report.tracking_from_bag import tracking_from_bag
 
+        own_rad = station.calibrator.largest_error_rad
+        limit_rad = own_rad if self.largest_error_rad is None else self.largest_error_rad
         recorded = tracking_from_bag(
             path, station.name, station.band, namespace=self.namespace,
-            largest_error_rad=self.largest_error_rad, allow_damage=self.allow_damage,
+            largest_error_rad=limit_rad, allow_damage=self.allow_damage,
         )  # fmt: skip
         return [TrackedPass(raw, reference, self.ionosphere) for raw, reference in recorded]
 

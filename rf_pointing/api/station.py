@@ -21,6 +21,7 @@ from rf_pointing.ephemeris import Elements, TopocentricTrack, find_passes
 from rf_pointing.ephemeris.passes import part_searched
 from rf_pointing.planning import AxisLimits
 from rf_pointing.simulation import StationSetup, simulate_pass
+from rf_pointing.station.campaign.calibrator import CalibratorParams
 from rf_pointing.station.description import DEFAULT_STATION, StationDescription, read_station
 from rf_pointing.station.pointing.certificates import PlannedPass, PlanningRules, planned_certificate
 from rf_pointing.station.pointing.multi_satellite_plan import PlannedAntenna, Wish, plan_day
@@ -82,6 +83,12 @@ class Station:
     def controller(self) -> ControllerParams:
         """Parameter sets of the pointing controller, in radians."""
         return ControllerParams(**self.description.sets("pointing_controller", self.band))
+
+    @cached_property
+    def calibrator(self) -> CalibratorParams:
+        """Parameters of the calibrator, in radians: how good and how near an observation is."""
+        found: CalibratorParams = self.description.sets("bias_calibrator", self.band)["calibrator"]
+        return found
 
     @property
     def limits(self) -> AxisLimits:

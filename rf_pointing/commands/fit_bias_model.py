@@ -58,8 +58,8 @@ def arguments() -> argparse.ArgumentParser:
         "0: they are known to be right (default: unknown, and equal lags of both axes are refused)")  # fmt: skip
     add("--ionosphere", nargs=2, type=float, metavar=("TECU", "GHZ"),
         help="vertical electron content and carrier frequency during the raw data (default: no ionosphere)")  # fmt: skip
-    add("--largest-error", type=float, default=6.0, metavar="MDEG",
-        help="samples of recordings with a larger sensed error are left out (default: 6)")  # fmt: skip
+    add("--largest-error", type=float, metavar="MDEG", help="samples of recordings with a larger "
+        "sensed error are left out (default: a tenth of the beam)")  # fmt: skip
     add("--allow-damage", action="store_true", help="use the sound part of damaged recordings")
     add("--start-model", type=Path, metavar="FILE", help="best model known, the prior of every term")
     add("--terms", nargs="+", default=list(TERM_NAMES), metavar="TERM", help="terms to fit (default: all)")
@@ -102,7 +102,8 @@ def request_with(**given: Any) -> FitCommand:
     files = DataFiles(
         paths=options.files, elements=elements, max_age_s=options.max_age * DAY_S, refraction=refraction,
         time_error_s=options.time_error, ionosphere=ionosphere, namespace=options.namespace,
-        largest_error_rad=options.largest_error * MDEG, allow_damage=options.allow_damage,
+        largest_error_rad=None if options.largest_error is None else options.largest_error * MDEG,
+        allow_damage=options.allow_damage,
     )  # fmt: skip
     request = FitRequest(
         station=station.name, band=station.band, site=station.site, terms=tuple(options.terms), select=options.select,

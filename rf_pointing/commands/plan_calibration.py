@@ -124,7 +124,7 @@ def arguments() -> argparse.ArgumentParser:
     add("--spacing", type=float, default=10.0, metavar="S", help="time between points (default: 10)")
     add("--settle", type=float, default=60.0, metavar="S", help="in addition to the slew (default: 60)")
     add("--fewest", type=int, default=25, help="points in each sector (default: 25)")
-    add("--sigma", type=float, default=2.0, metavar="MDEG", help="of one point (default: 2)")
+    add("--sigma", type=float, metavar="MDEG", help="of one point (default: the station's)")
     add("--improve", nargs="+", default=[], metavar="TERM",
         help="advise the passes that reduce the sigma of these terms most")  # fmt: skip
     add("--model", type=Path, metavar="FILE", help="last model; its covariance is where --improve starts")
@@ -134,10 +134,13 @@ def arguments() -> argparse.ArgumentParser:
     return parser
 
 
-def request_with(*, arc: list[float], spacing: float, sigma: float, settle: float, **others: Any) -> CampaignRequest:
+def request_with(
+    *, arc: list[float], spacing: float, sigma: float | None, settle: float, station: Station, **others: Any
+) -> CampaignRequest:  # fmt: skip
     """Return the request of the options."""
-    rules = ArcRules(arcs_s=tuple(arc), spacing_s=spacing, sigma_rad=sigma * MDEG)
-    return CampaignRequest(rules=rules, slew=Slew(settle_s=settle), **others)
+    sigma_rad = station.calibrator.sigma_rad if sigma is None else sigma * MDEG
+    rules = ArcRules(arcs_s=tuple(arc), spacing_s=spacing, sigma_rad=sigma_rad)
+    return CampaignRequest(rules=rules, slew=Slew(settle_s=settle), station=station, **others)
 
 
 request_from = partial(requested, arguments, request_with)

@@ -5,8 +5,10 @@
     station queue night.csv --start         hand a schedule over, and let the executive run it
     station status --watch                  what it does, and the alarms
     station go 120 45                       turn the axes to azimuth and elevation, deg
+    station jog right --seconds 2           move it a little; without a direction by the arrow keys
     station park | stow | pause | release | disable | stop | reset
-    station offset --along 0.3 --cross 0.01
+    station permit-sun --band X --until 2026-06-21T15:00:00Z --by "A. Name"
+    station offset --along 0.3 --cross 0.01 | --clear | --keep NAME | --recall NAME
     station night pause | resume | stop | abort | skip [ID] | ack [ALARM]
     station log -n 50                       the journal of the executive
     station test-alarms                     a message by every way out, and what came of it
@@ -19,21 +21,36 @@ lasts; 2: the station could not be reached, or the command line is wrong.
 """
 
 import argparse
+import getpass
 import math
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from rf_pointing.commands.options import add_options, between, ending_with_reason, named, refusing
 from rf_pointing.core.dates import parse_utc
+from rf_pointing.core.parameters import leaves
 from rf_pointing.core.whole_file import DATA_BYTES, read_whole
+from rf_pointing.ephemeris.target_offsets import TargetOffsets
 from rf_pointing.operations.pass_list import read_passes
-from rf_pointing.ros.station_client import NIGHT, StationClient
+from rf_pointing.ros.station_client import JOG, NIGHT, StationClient
 from rf_pointing.ros.station_run import run_to_end
 from rf_pointing.station.antenna.modes import OPERATED
 from rf_pointing.tracking.sensors import SENSOR_CHOICES, load_trackers
+
+OF_SETS = {
+    "keep": "keep the offsets under a name, for this band", "recall": "set the offsets of a name",
+    "forget": "forget a name",
+}  # fmt: skip
+"""Requests about named offsets, and their help."""
+SHORT = {
+    "along_track": "along", "cross_track": "cross", "azimuth": "az", "elevation": "el",
+    "cross_elevation": "cross-el", "right_ascension": "ra", "declination": "dec",
+}  # fmt: skip
+"""Options of the offsets by their names, where they are shorter."""
 
 
 @dataclass(frozen=True)
@@ -82,15 +99,31 @@ def request_of(argv: list[str] | None = None) -> StationRequest:
     go = add("go", "turn the axes to a position and hold there", StationClient.go)
     go("azimuth_rad", metavar="azimuth", type=_degrees(-1000.0, 1000.0), help="deg, the turn of the cables counts")
     go("elevation_rad", metavar="elevation", type=_degrees(-20.0, 200.0), help="deg")
+    jog = add("jog", "move the antenna while a key is held, or for some seconds", StationClient.jog)
+    jog("direction", nargs="?", choices=tuple(JOG), help="(default: the arrow keys)")
+    jog("--seconds", type=between(0.0, 60.0), default=1.0, help="with a direction (default: 1)")
+    jog("--fast", action="store_true", help="half the largest rate; else a quarter beam a second")
     for service, (word, text) in OPERATED.items():
         add(word, text, StationClient.ask, name=f"antenna_servo/{service}")
     add("stop", "end the pass under control", StationClient.ask, name="pointing_controller/stop")(
         "--antenna", dest="name", action="store_const", const="antenna_servo/stop",
         help="stop the antenna itself: latches a fault",
     )  # fmt: skip
-    offset = add("offset", "set the target off its elements", StationClient.set_offset)
-    offset("--along", dest="along_track_s", type=between(-60.0, 60.0), metavar="S", help="ahead of its elements")
-    offset("--cross", dest="cross_track_deg", type=between(-5.7, 5.7), metavar="DEG", help="right of its elements")
+    words = "let the beam look into the Sun, once, until a time"
+    permit = add("permit-sun", words, StationClient.permit_sun)
+    permit("--band", required=True, help="band that may; the transmitter stays off")
+    permit("--by", default=getpass.getuser(), help="who permits it (default: the user)")
+    permit("--until", type=refusing(parse_utc), metavar="UTC", help="at most 12 h ahead")
+    permit("--withdraw", action="store_true", help="end a permission")
+    offset = add("offset", "set the target off its elements; show its offsets", StationClient.offsets)
+    for name, (field, _) in leaves(TargetOffsets()).items():
+        word, _, unit = name.rpartition("_offset_")
+        largest = 60.0 if unit == "s" else 5.7
+        offset(f"--{SHORT.get(word, word).replace('_', '-')}", dest=name, type=between(-largest, largest),
+               metavar=unit.upper(), help=field.metadata["description"])  # fmt: skip
+    for word, text in OF_SETS.items():
+        offset(f"--{word}", dest="request", type=partial(_named, word), metavar="NAME", help=text)
+    offset("--clear", dest="request", action="store_const", const=("clear", ""), help="all to zero")
     night = add("night", "request something of the executive", StationClient.night)
     night("request", choices=tuple(NIGHT))
     night("name", nargs="?", default="", help="id of the pass, or the alarm (default: the present one, all)")
@@ -99,14 +132,24 @@ def request_of(argv: list[str] | None = None) -> StationRequest:
     log = add("log", "show the journal of the executive", StationClient.show_journal)
     log("-n", dest="count", metavar="N", type=int, default=30, help="last lines (default: 30)")
     given = vars(parser.parse_args(argv))
-    if given["call"] is StationClient.set_offset and given["along_track_s"] is given["cross_track_deg"] is None:
-        parser.error("offset needs --along or --cross")
+    if given["call"] is StationClient.jog and not given["direction"] and not sys.stdin.isatty():
+        parser.error("jog needs a direction, or a terminal with arrow keys")
+    numbers = (value for name, value in given.items() if "_offset_" in name)
+    if any(each is not None for each in numbers) and given["request"]:
+        parser.error("offset takes numbers, or one of --clear, --keep, --recall and --forget")
+    ends = given["call"] is StationClient.permit_sun and given.pop("withdraw")
+    if given["call"] is StationClient.permit_sun and ends == (given["until"] is not None):
+        parser.error("permit-sun needs --until, or --withdraw")
     if given["call"] is StationClient.queue and not given["text"] and Path((given["remove"] or [""])[-1]).is_file():
         # argparse gives a list of passes the file that follows it.
         given["text"] = _passes(given["remove"].pop())
     if given["call"] is StationClient.queue and not (given["text"] or given["remove"] or given["start"]):
         parser.error("queue needs a file, --remove or --start")
     return StationRequest(given.pop("namespace"), given.pop("key"), given.pop("call"), given)
+
+
+def _named(word: str, name: str) -> tuple[str, str]:
+    return word, name
 
 
 def _file(text: str) -> Path:

@@ -24,7 +24,7 @@ class Mode(StrEnum):
 
 
 # Modes of the antenna whose words cannot follow "is".
-_NOUNS = {"fault": "in fault", "manual_rate": "driven by an experiment"}
+_NOUNS = {"fault": "in fault", "manual_rate": "driven by an experiment", "jogging": "jogged"}
 
 
 def antenna_is(mode: str) -> str:

@@ -33,6 +33,7 @@ class Target:
     """Where the target is at `t_s`; azimuth continuous along a pass, elevation with refraction.
 
     `satellite_gain_db` is that of its antenna towards the station, against the antenna's axis.
+    `offsets` of the operator are contained in the direction.
     """
 
     t_s: float
@@ -47,6 +48,7 @@ class Target:
     range_rate_m_s: float
     refraction_rad: float
     satellite_gain_db: float = 0.0
+    offsets: str = ""
 
     @property
     def light_time_s(self) -> float:
@@ -66,7 +68,7 @@ class Target:
         ):  # fmt: skip
             return
         for name in self.__slots__:
-            if name != "name":
+            if name not in ("name", "offsets"):
                 require_finite(name, getattr(self, name))
 
 

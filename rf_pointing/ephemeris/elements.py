@@ -51,9 +51,8 @@ class Elements:
         require_between("inclination_rad", self.inclination_rad, 0.0, math.pi)
         if not self.mean_motion_rad_s > 0.0:
             raise ValueError(f"mean_motion_rad_s={self.mean_motion_rad_s} of {self.name} must be > 0")
-        for item in fields(self):
-            if item.type is float:
-                require_finite(item.name, getattr(self, item.name))
+        for name in _FLOATS:
+            require_finite(name, getattr(self, name))
 
     def satrec(self) -> Satrec:
         """Return a fresh SGP4 record; it holds the state of its last call, so do not share one."""
@@ -75,6 +74,9 @@ class Elements:
             self.ascending_node_rad,
         )
         return record
+
+
+_FLOATS = [item.name for item in fields(Elements) if item.type is float]
 
 
 def find_elements(elements: Sequence[Elements], wanted: str) -> Elements:

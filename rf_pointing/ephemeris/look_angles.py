@@ -4,9 +4,10 @@ Light time.  With sigma = +1 (receive) or -1 (transmit) the target is taken at u
 c tau = |target(u) - antenna(t)|.  For the direction target and antenna are both moved to u in the
 non-rotating frame: moving the antenna too is the diurnal aberration.  The range is c tau.
 
-Cross-track offset.  With the sky normal m = rho x rho' / |rho x rho'| the moved target is
-rho cos(q) - |rho| sin(q) m; the derivatives of m are carried along, so the rates stay the
-derivatives of the angles.
+Offsets.  A target moved by q along a unit vector m at right angles to rho is at
+rho cos(q) + |rho| sin(q) m; the derivatives of m are carried along, so the rates stay the
+derivatives of the angles.  Across the motion m = -rho x rho' / |rho x rho'|, across the way to a
+fixed axis m = rho x axis / |rho x axis|, towards the axis m x rho / |rho|.
 
 Angles, from east-north-up components; the accelerations by differentiating once more:
 
@@ -23,6 +24,7 @@ from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
 from rf_pointing.core.types import Array
 from rf_pointing.ephemeris.state_vector import StateVector, Vector, combined, cross, dot, norm, root
 
+Unit = tuple[Vector, Vector, Vector]
 SENSES = {"receive": 1.0, "transmit": -1.0, "none": 0.0}
 
 
@@ -66,19 +68,54 @@ def _by_reception(r: Vector, v: Vector, a: Vector, j: Vector, sense: float, tau_
     return StateVector(r, velocity, acceleration, j)
 
 
-def moved_across(motion: StateVector, offset_rad: float) -> StateVector:
-    """Return the motion (rotating axes) of the target moved by `offset_rad`, its range unchanged.
+def moved_across(motion: StateVector, offset_rad: float, axis: Vector | None = None) -> StateVector:
+    """Return the motion (rotating axes) of the target moved to the right of its motion.
 
-    Raises ValueError for a target that stands still on the sky: it has no across.
+    With an `axis` (zenith, pole) to the right of the way there.  Its range is unchanged.  Raises
+    ValueError for a target that has no such direction: at rest on the sky, or on the axis.
     """
+    return _moved(motion, offset_rad, _across(motion, offset_rad, axis))
+
+
+def moved_towards(motion: StateVector, offset_rad: float, axis: Vector) -> StateVector:
+    """Return the motion of the target moved towards an axis; ValueError for one on the axis."""
+    m, m1, m2 = _across(motion, offset_rad, axis)
+    r, r1, r2 = _unit(*motion.derivatives()[:3])
+    to1 = combined((1.0, cross(m1, r)), (1.0, cross(m, r1)))
+    to2 = combined((1.0, cross(m2, r)), (2.0, cross(m1, r1)), (1.0, cross(m, r2)))
+    return _moved(motion, offset_rad, (cross(m, r), to1, to2))
+
+
+def moved_about(motion: StateVector, offset_rad: float, axis: Vector) -> StateVector:
+    """Return the motion turned about a unit axis, counterclockwise seen from its end."""
+    c, s = math.cos(offset_rad), math.sin(offset_rad)
+    rows = (
+        combined((c, each), (s, cross(axis, each)), ((1.0 - c) * dot(axis, each), axis))
+        for each in motion.derivatives()
+    )  # fmt: skip
+    return StateVector(*rows)
+
+
+def _across(motion: StateVector, offset_rad: float, axis: Vector | None) -> Unit:
     r, v, a, j = motion.derivatives()
-    normal = combined((-1.0, cross(r, v)))
-    normal1 = combined((-1.0, cross(r, a)))
-    normal2 = combined((-1.0, cross(v, a)), (-1.0, cross(r, j)))
+    if axis is None:
+        normal = combined((-1.0, cross(r, v)))
+        normal1 = combined((-1.0, cross(r, a)))
+        normal2 = combined((-1.0, cross(v, a)), (-1.0, cross(r, j)))
+    else:
+        normal, normal1, normal2 = cross(r, axis), cross(v, axis), cross(a, axis)
     # A target at rest on the sky, a geostationary one seen exactly, has no direction of motion.
     if np.any(norm(normal) == 0.0):
-        raise ValueError(f"cross_track_offset_rad={offset_rad} needs a target that moves on the sky")
-    m, m1, m2 = _unit(normal, normal1, normal2)
+        name = "cross_track_offset_rad" if axis is None else "offset_rad"
+        needs = "that moves on the sky" if axis is None else "that is not at the zenith or pole"
+        raise ValueError(f"{name}={offset_rad} needs a target {needs}")
+    return _unit(normal, normal1, normal2)
+
+
+def _moved(motion: StateVector, offset_rad: float, along: Unit) -> StateVector:
+    """Return the motion moved along a unit vector, given with its derivatives."""
+    r, v, a, j = motion.derivatives()
+    m, m1, m2 = along
     rho, rho1, rho2 = _length(r, v, a)
     c, s = math.cos(offset_rad), math.sin(offset_rad)
     position = combined((c, r), (s * rho, m))
@@ -94,7 +131,7 @@ def _length(r: Vector, v: Vector, a: Vector) -> tuple[Any, Any, Any]:
     return length, rate, (dot(v, v) + dot(r, a) - rate * rate) / length
 
 
-def _unit(r: Vector, v: Vector, a: Vector) -> tuple[Vector, Vector, Vector]:
+def _unit(r: Vector, v: Vector, a: Vector) -> Unit:
     """Return r/|r| and its two derivatives."""
     length, rate, curvature = _length(r, v, a)
     inverse = 1.0 / length

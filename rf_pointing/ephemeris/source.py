@@ -12,7 +12,7 @@ from functools import cached_property, lru_cache, partial
 from pathlib import Path
 from typing import Any
 
-from rf_pointing.core import Params, parameter
+from rf_pointing.core import parameter
 from rf_pointing.core.dates import DAY_S
 from rf_pointing.core.refraction import RadioRefraction
 from rf_pointing.core.whole_file import KeptState
@@ -33,6 +33,7 @@ from rf_pointing.ephemeris import (
 from rf_pointing.ephemeris.element_files import element_files, version_of
 from rf_pointing.ephemeris.oem import METHODS, OemSegment
 from rf_pointing.ephemeris.satellite_antenna import SatelliteAntennaParams
+from rf_pointing.ephemeris.target_offsets import TargetOffsets
 
 # Bodies of the sky by their names, case ignored.
 BODIES: dict[str, Callable[[], TargetSource]] = {
@@ -43,7 +44,7 @@ BODIES: dict[str, Callable[[], TargetSource]] = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class SourceParams(Params):
+class SourceParams(TargetOffsets):
     """Target and site; the offsets move the target against its elements."""
 
     elements: str = parameter(
@@ -56,8 +57,6 @@ class SourceParams(Params):
         "catalogue number or name of the satellite in the file, or Sun, Moon or a radio source; empty: the first one",
     )
     site: Site = parameter(SITES["Goldstone DSS-13"], "where the antenna stands")
-    along_track_offset_s: float = parameter(0.0, "target ahead of its elements by", low=-60.0, high=60.0)
-    cross_track_offset_rad: float = parameter(0.0, "target right of its elements by", low=-0.1, high=0.1)
     interpolation: str = parameter(
         "", "method for an OEM that declares none; empty: such an OEM is refused", choices=("", *METHODS)
     )
@@ -124,12 +123,11 @@ def load_track(params: SourceParams, hold_t_s: float | None = None) -> Topocentr
     return TopocentricTrack(
         load_target(params),
         params.site,
-        along_track_offset_s=params.along_track_offset_s,
-        cross_track_offset_rad=params.cross_track_offset_rad,
         hold_t_s=hold_t_s,
         refraction=refraction_at(params, params.site),
         max_age_s=params.max_age_days * DAY_S,
         antenna=params.antenna,
+        **params.offsets,
     )
 
 

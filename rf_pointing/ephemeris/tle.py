@@ -23,6 +23,11 @@ from rf_pointing.ephemeris.elements import MEAN_MOTIONS, Elements
 
 _LENGTH = 69
 _TURN_DEG = (0.0, 360.0)
+# What a character counts in a checksum.
+_WEIGHTS = bytes(code - 48 if 48 <= code <= 57 else code == 45 for code in range(256))
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)")
+_EXPONENT = re.compile(r"\s*([+-]?)\s*(\d{5})\s*([+-]?)\s*(\d)")
+_DESIGNATOR = re.compile(r"\d{5}[A-Z]{1,3}")
 # Objects of the verification file that provoke errors; their checksums were not kept up.
 _BROKEN_ON_PURPOSE = {"33333", "33334", "33335"}
 _ALPHA5 = re.compile(r"[0-9]{1,5}|[A-HJ-NP-Z][0-9]{4}")
@@ -165,7 +170,7 @@ def verification_elements() -> list[Elements]:
 
 def checksum(line: str) -> int:
     """Return the last digit of the sum of columns 1 to 68, a minus sign counting 1."""
-    return sum(int(c) if c.isdigit() else c == "-" for c in line[: _LENGTH - 1]) % 10
+    return sum(line[: _LENGTH - 1].encode("ascii", "replace").translate(_WEIGHTS)) % 10
 
 
 def _check_line(line: str, kind: str, number: int, bare: str | None) -> None:
@@ -218,16 +223,17 @@ def _elements(line1: str, line2: str, name: str) -> Elements:
 
 def _number(what: str, columns: str, low: float = -math.inf, high: float = math.inf) -> float:
     text = columns.strip()
-    if not re.fullmatch(r"[+-]?(\d+\.?\d*|\.\d+)", text):
+    if not _NUMBER.fullmatch(text):
         raise ValueError(f"{what} {columns!r} is not a number")
-    if not low <= float(text) <= high:
+    value = float(text)
+    if not low <= value <= high:
         raise ValueError(f"{what} {text} must be in [{low:g}, {high:g}]")
-    return float(text)
+    return value
 
 
 def _read_exponent(what: str, columns: str) -> float:
     """Return a number with assumed decimal point, as ' 28098-4' for 0.28098e-4; blank is zero."""
-    match = re.fullmatch(r"\s*([+-]?)\s*(\d{5})\s*([+-]?)\s*(\d)", columns)
+    match = _EXPONENT.fullmatch(columns)
     if not match:
         if not columns.strip():
             return 0.0
@@ -248,7 +254,7 @@ def _read_epoch(year: str, day: str) -> float:
 
 def _read_designator(columns: str) -> str:
     """Return 1998-067A for 98067A; other text as it stands."""
-    if not re.fullmatch(r"\d{5}[A-Z]{1,3}", columns):
+    if not _DESIGNATOR.fullmatch(columns):
         return columns
     return f"{1900 + int(columns[:2]) + (100 if int(columns[:2]) < 57 else 0)}-{columns[2:]}"
 

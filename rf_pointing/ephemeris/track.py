@@ -10,17 +10,18 @@ from typing import Any, Literal, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rf_pointing.core import Target, nearest_turn_rad, require_between, require_choice, require_finite
+from rf_pointing.core import Target, nearest_turn_rad, require_choice, require_finite
 from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
 from rf_pointing.core.dates import DAY_S
 from rf_pointing.core.refraction import RadioRefraction
 from rf_pointing.ephemeris.earth_orientation import EarthOrientationSource, IersEarthOrientation
 from rf_pointing.ephemeris.elements import Elements
-from rf_pointing.ephemeris.look_angles import SENSES, LookAngles, angles_and_rates, delayed, moved_across
+from rf_pointing.ephemeris.look_angles import SENSES, LookAngles, angles_and_rates, delayed
 from rf_pointing.ephemeris.satellite_antenna import SatelliteAntennaParams
 from rf_pointing.ephemeris.sgp4_orbit import Sgp4Orbit
 from rf_pointing.ephemeris.sites import Site
 from rf_pointing.ephemeris.state_vector import StateVector, combined, norm, rotated, seen_from_rotating_axes
+from rf_pointing.ephemeris.target_offsets import TargetOffsets
 
 
 class TargetSource(Protocol):
@@ -53,13 +54,12 @@ class TopocentricTrack:
     Parameters
     ----------
     target : elements, or any `TargetSource`.
-    along_track_offset_s : the target runs this much ahead of its elements (negative: late).
-    cross_track_offset_rad : the target is moved on the sky, positive to the right of its motion.
     hold_t_s : the direction is held where it is at this time, with zero rates; None lets it move.
     refraction : "standard" for the mean weather at the site's altitude, None for a vacuum.
     max_age_s : largest distance from the epoch of elements; times beyond it are refused.
     light_time : "receive" for signals arriving at `t_s`, "transmit" for signals leaving, "none".
     antenna : antenna and attitude of the satellite; None sends alike in all directions.
+    offsets : those of `TargetOffsets`, by name.
     """
 
     def __init__(
@@ -67,27 +67,23 @@ class TopocentricTrack:
         target: Elements | TargetSource,
         site: Site,
         *,
-        along_track_offset_s: float = 0.0,
-        cross_track_offset_rad: float = 0.0,
         refraction: RadioRefraction | Literal["standard"] | None = "standard",
         max_age_s: float = 14.0 * DAY_S,
         hold_t_s: float | None = None,
         light_time: str = "receive",
         orientation: EarthOrientationSource | None = None,
         antenna: SatelliteAntennaParams | None = None,
+        **offsets: float,
     ) -> None:
-        require_between("along_track_offset_s", along_track_offset_s, -600.0, 600.0)
-        require_between("cross_track_offset_rad", cross_track_offset_rad, -0.2, 0.2)
+        self.offsets = TargetOffsets(**offsets)
         require_choice("light_time", light_time, SENSES)
         if hold_t_s is not None:
             require_finite("hold_t_s", hold_t_s)
         if isinstance(target, Elements):
             target = Sgp4Orbit(target, orientation or IersEarthOrientation(), max_age_s=max_age_s)
         self.target: TargetSource = target
-        self.name = target.name
+        self.name, self._offsets_text = target.name, self.offsets.offsets_text
         self.site = site
-        self.along_track_offset_s = along_track_offset_s
-        self.cross_track_offset_rad = cross_track_offset_rad
         self.refraction = RadioRefraction.standard(site.altitude_m) if refraction == "standard" else refraction
         self.hold_t_s = hold_t_s
         self.light_time = light_time
@@ -98,22 +94,20 @@ class TopocentricTrack:
     def with_offsets(
         self,
         *,
-        along_track_offset_s: float,
-        cross_track_offset_rad: float,
         hold_t_s: float | None = None,
         refraction: RadioRefraction | Literal["same"] | None = "same",
         antenna: SatelliteAntennaParams | None = None,
+        **offsets: Any,
     ) -> "TopocentricTrack":
         """Return the same track with other offsets, refraction, hold or antenna; this one stays."""
         return TopocentricTrack(
             self.target,
             self.site,
-            along_track_offset_s=along_track_offset_s,
-            cross_track_offset_rad=cross_track_offset_rad,
             hold_t_s=hold_t_s,
             refraction=self.refraction if refraction == "same" else refraction,
             light_time=self.light_time,
             antenna=antenna or self.antenna,
+            **offsets,
         )
 
     def target_at(self, t_s: float, *, near_azimuth_rad: float = math.pi) -> Target:
@@ -125,7 +119,7 @@ class TopocentricTrack:
         look = {name: float(value) for name, value in self._look(float(t_s)).items()}
         look["refraction_rad"] = look["elevation_rad"] - look.pop("true_elevation_rad")
         look["azimuth_rad"] = nearest_turn_rad(look["azimuth_rad"], near_azimuth_rad)
-        return Target(t_s=float(t_s), name=self.name, **look)
+        return Target(t_s=float(t_s), name=self.name, offsets=self._offsets_text, **look)
 
     def sample(self, t_s: ArrayLike) -> LookAngles:
         """Return the apparent directions at UTC times (n,), azimuth continuous from [0, 2 pi).
@@ -147,7 +141,7 @@ class TopocentricTrack:
         """First and last UTC times of the parts in which the direction is known."""
         if self.hold_t_s is not None:
             return ((-math.inf, math.inf),)
-        ahead_s = self.along_track_offset_s
+        ahead_s = self.offsets.along_track_offset_s + self.offsets.time_offset_s
         return tuple((first - ahead_s, last - ahead_s) for first, last in self.target.spans_t_s)
 
     def covers(self, t_s: float) -> bool:
@@ -158,13 +152,18 @@ class TopocentricTrack:
         """Return what makes the direction at `t_s` less certain: expired tables, predicted UT1."""
         return self.target.warnings(t_s)
 
+    def motion_at(self, t_s: Any) -> StateVector:
+        """Return the target's motion at `t_s` as `TargetSource` does, with the offsets of time."""
+        later_s, ahead_s = self.offsets.time_offset_s, self.offsets.along_track_offset_s
+        return self.target.motion_at(t_s + later_s, ahead_s)
+
     def relative_motion_at(self, t_s: Any) -> tuple[StateVector, Any, Any]:
         """Return the true motion from the site in east-north-up axes, range c tau [m] and its rate.
 
         Components are floats for a float time and arrays for an array.  Offsets are included,
         refraction is not.
         """
-        motion = self.target.motion_at(t_s, self.along_track_offset_s)
+        motion = self.motion_at(t_s)
         if self.target.at_infinity:
             seen, range_m, range_rate_m_s = self._direction_only(motion)
         else:
@@ -174,10 +173,7 @@ class TopocentricTrack:
             inertial, range_m, range_rate_m_s = delayed(relative, antenna, SENSES[self.light_time])
             seen = seen_from_rotating_axes(inertial, self.target.rotation_rate_rad_s)
         enu = rotated(seen, self.site.axes)
-        # A target at rest has no across; without an offset it must stay usable.
-        if self.cross_track_offset_rad != 0.0:
-            enu = moved_across(enu, self.cross_track_offset_rad)
-        return enu, range_m, range_rate_m_s
+        return self.offsets.moved(enu, self.site), range_m, range_rate_m_s
 
     def _direction_only(self, motion: StateVector) -> tuple[StateVector, Any, Any]:
         """Return the direction without parallax; aberration by the antenna: 0.09 mdeg."""
@@ -207,14 +203,18 @@ class TopocentricTrack:
         }
         if self.hold_t_s is not None:
             rates = dict.fromkeys(rates, still)
-        place = {"azimuth_rad": azimuth, "elevation_rad": elevation, "range_m": range_m, "true_elevation_rad": true}
+        right, up = self.offsets.on_axes_rad
+        place = {
+            "azimuth_rad": azimuth + right, "elevation_rad": elevation + up, "range_m": range_m,
+            "true_elevation_rad": true + up,
+        }  # fmt: skip
         return place | rates | {"satellite_gain_db": still + self._satellite_gain_db(at_s)}
 
     def _satellite_gain_db(self, t_s: Any) -> Any:
         """Return the gain of the satellite's antenna towards the site, in dB against its axis."""
         if self.antenna.half_power_beamwidth_rad == 0.0 or self.target.at_infinity:
             return 0.0
-        motion = self.target.motion_at(t_s, self.along_track_offset_s)
+        motion = self.motion_at(t_s)
         return self.antenna.gain_db(motion, self.site.position_m)
 
 

@@ -70,7 +70,7 @@ def sky_uncertainty(track: TopocentricTrack, t_s: float, model: ElementUncertain
     if not isinstance(elements, Elements):
         raise ValueError(f"{track.name} is not tracked from mean elements: their age says nothing about its error")
     age_s = t_s - elements.epoch_t_s
-    orbit = rotated(track.target.motion_at(t_s, track.along_track_offset_s), track.site.axes)
+    orbit = rotated(track.motion_at(t_s), track.site.axes)
     seen, _, _ = track.relative_motion_at(t_s)
     on_sky = _sky_axes(seen)
     covariance = np.zeros((2, 2))
@@ -120,7 +120,7 @@ def orientation_sigma_rad(track: TopocentricTrack, t_s: float) -> float:
     """
     orientation = track.target.orientation
     ut1_s, pole_rad = (0.0, 0.0) if orientation is None else orientation.sigmas_at(t_s)
-    position = track.target.motion_at(t_s, track.along_track_offset_s).position
+    position = track.motion_at(t_s).position
     rate = track.target.rotation_rate_rad_s
     # An error of the Earth's angle, or of either coordinate of the pole, turns the target.
     turns = ((ut1_s * rate, (0.0, 0.0, 1.0)), (pole_rad, (0.0, 1.0, 0.0)), (pole_rad, (1.0, 0.0, 0.0)))

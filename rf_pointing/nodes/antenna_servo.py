@@ -6,8 +6,10 @@ Publishes: joint_states (50 Hz), antenna_status (10 Hz, on activation, and when 
 goes), sim/boresight (50 Hz, truth); while identifying manual_rate (50 Hz).
 Action: identify (rf_pointing_msgs/Identify).
 Services (std_srvs/Trigger): ~/stop (latches a fault), ~/pause, ~/resume, ~/park, ~/stow, ~/disable,
-~/reset_fault; ~/go_to (rf_pointing_msgs/GoTo: to a position, and hold there); ~/stow_in_fault
+~/reset_fault; ~/go_to (rf_pointing_msgs/GoTo: to a position, and hold there); ~/jog
+(rf_pointing_msgs/Jog: at rates, for 0.5 s more); ~/stow_in_fault
 (rf_pointing_msgs/StowInFault: the elevation alone, by an operator who names the fault);
+~/permit_sun (rf_pointing_msgs/PermitSun: the beam may look into the Sun, once and until a time);
 ~/inject_fault (rf_pointing_msgs/InjectFault, where fault injection is enabled).  While a signed
 commander has the antenna, all but stop and inject_fault are taken by ~/signed alone
 (rf_pointing_msgs/SignedCall, `leased_services.py`).
@@ -63,7 +65,7 @@ class AntennaServo(StationNode):
         self._identification.configure(antenna)
         self._server = AntennaServer(self, value("key"), self._identification)
         operation = self._operation = AntennaOperation(antenna, memory, value("").wrap_file)
-        self._server.serve(operation, lambda: int(value("loops").table.max_points))
+        self._server.serve(operation, lambda: int(value("loops").table.max_points), self.band)
         if real and params.safety.wind.watched:
             self._server.take_wind()
         if value("").enable_fault_injection:

@@ -65,8 +65,7 @@ class BiasCalibrator(StationNode):
         self.serve_action(Trigger, "~/accept", lambda _: self._publish(own.accept(self.now_s())))
         self.serve_action(Trigger, "~/reject", lambda _: f"{own.keeper.reject()} is dropped")
         self.serve_action(Trigger, "~/rollback", lambda _: self._publish(own.roll_back()))
-        kelvin = convert.temperature_from_message
-        self.listen(Temperature, TEMPERATURE, lambda m: setattr(own.keeper, "temperature_k", kelvin(m)), STREAM)
+        self.listen(Temperature, TEMPERATURE, self._on_temperature, STREAM)
         self.diagnostics.add_report("model", own.health)
 
     def activate(self) -> None:
@@ -104,6 +103,11 @@ class BiasCalibrator(StationNode):
             error = convert.error_from_message(message)
             # Not the newest encoders: at 1 deg/s a period is 100 mdeg.
             self.calibrator.take_error(error, self._joints.take(error.t_s))
+
+    def _on_temperature(self, message: Temperature) -> None:
+        kelvin = convert.temperature_from_message(message)
+        self.calibrator.keeper.temperature_k = kelvin
+        self.calibrator.log.take_temperature(seconds_from_stamp(message.header.stamp), kelvin)
 
     def _begin(self, request: RunCampaign.Goal) -> None:
         if not self._select.service_is_ready() or not self._track.server_is_ready():

@@ -6,7 +6,8 @@ Subscribes, where source.refraction is measured: weather/temperature, weather/pr
 weather/humidity (sensor_msgs/Temperature, FluidPressure, RelativeHumidity) in place of
 source.weather.  Where source.antenna has a width: satellite_attitude in place of its roll, pitch
 and yaw.
-Service: ~/select_target (rf_pointing_msgs/SelectTarget): choose the satellite and get its passes.
+Services: ~/select_target (rf_pointing_msgs/SelectTarget): choose the satellite and get its passes;
+~/clear_offsets (std_srvs/Trigger), ~/keep_offsets, ~/recall_offsets, ~/forget_offsets (Named).
 Parameters: source.* (elements or ephemeris, object, station; offsets, hold, weather and antenna,
 live, read back on /diagnostics with the age of the elements and what it means on the sky; newer
 elements of an address, or of files that were replaced, come into force between two passes),
@@ -15,12 +16,19 @@ node), mask.* (the horizon by azimuth, as pointing_controller's: a pass begins a
 uncertainty.* (position errors of elements against their age).
 """
 
-from rf_pointing_msgs.msg import Attitude, PassList, PassProfileList, Target
-from rf_pointing_msgs.srv import SelectTarget
-from sensor_msgs.msg import FluidPressure, RelativeHumidity, Temperature
+from collections.abc import Callable
+from functools import partial
+from typing import Any
 
+from rf_pointing_msgs.msg import Attitude, PassList, PassProfileList, Target
+from rf_pointing_msgs.srv import Named, SelectTarget
+from sensor_msgs.msg import FluidPressure, RelativeHumidity, Temperature
+from std_srvs.srv import Trigger
+
+from rf_pointing.core.parameters import leaves
 from rf_pointing.ephemeris import Pass
 from rf_pointing.ephemeris.source import NO_TARGET
+from rf_pointing.ephemeris.target_offsets import TargetOffsets
 from rf_pointing.planning import PassProfile
 from rf_pointing.ros import convert, convert_planning
 from rf_pointing.ros.graph import HUMIDITY, PRESSURE, SATELLITE_ATTITUDE, TEMPERATURE
@@ -32,7 +40,7 @@ from rf_pointing.station.pointing.predicted_target import RENEWAL_S, PredictedTa
 
 LIVE = {
     # Another satellite is taken by ~/select_target.
-    "source": ("along_track_offset_s", "cross_track_offset_deg", "hold", "refraction", "weather", "antenna"),
+    "source": (*leaves(TargetOffsets()), "hold", "refraction", "weather", "antenna"),
     "publisher": ("lead_s", "margin_s"), "uncertainty": True,
 }  # fmt: skip
 """Parameters that may change while the node is configured."""
@@ -54,7 +62,7 @@ class EphemerisPublisher(StationNode):
     def configure(self) -> None:
         self.prediction = None
         values = (self.parameters.value(name) for name in ("publisher", "source", "mask", "uncertainty"))
-        self.prediction = PredictedTarget(*values, show=self._show, log_once=self.log_once)
+        self.prediction = PredictedTarget(*values, self._show, self.log_once, self.band)
         self._at_cleanup.callback(self.prediction.updates.end)
         self._mirror()
         self._targets = self.stream(Target, "target", STREAM)
@@ -67,6 +75,9 @@ class EphemerisPublisher(StationNode):
         if source.antenna.half_power_beamwidth_rad > 0.0:
             self.listen(Attitude, SATELLITE_ATTITUDE, self._on_attitude, STREAM)
         self.serve(SelectTarget, "~/select_target", self._on_select)
+        for word, act in self.prediction.about_offsets.items():
+            kind = Trigger if word == "clear" else Named
+            self.serve_action(kind, f"~/{word}_offsets", partial(self._offset, act))
         self.diagnostics.add_report("target", lambda: self.prediction.health(self.now_s()))
 
     def activate(self) -> None:
@@ -114,10 +125,14 @@ class EphemerisPublisher(StationNode):
             response.success, response.message = False, str(error)
             return response
         self._mirror()
-        response.success = True
-        response.message = f"{len(passes)} passes of {self.prediction.track.name}"
+        response.success, response.message = True, f"{len(passes)} passes of {passes[0].name}"
         response.passes = [convert_planning.pass_to_message(window) for window in passes]
         return response
+
+    def _offset(self, act: Callable[[str, float], str], request: Any) -> str:
+        text = act(getattr(request, "name", ""), self.now_s())
+        self._mirror()
+        return text
 
     def _mirror(self) -> None:
         """Set the parameters to what is in force."""

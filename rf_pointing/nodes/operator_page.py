@@ -4,8 +4,7 @@
 
 Subscribes: antenna_status, tracking_status, joint_states, target, passes, pass_profiles,
 pass_certificate, schedule, executive_status, station_in_use, /diagnostics of its namespace.
-Requests: the services and actions of the other nodes, as every other client; get_parameters of
-pointing_controller and ephemeris_publisher.
+Requests: services, actions and parameters of the other nodes, as every other client.
 Parameters: page.* (address, port, token, reports), command_key_file (signs the calls).
 
 The page moves nothing by itself.  A pass that it has started goes on without it.
@@ -31,7 +30,7 @@ from rf_pointing.ros.main_loop import read_token, run
 from rf_pointing.ros.managed import ManagedNode
 from rf_pointing.ros.qos import IN_USE, LATCHED, STATUS, STREAM
 from rf_pointing.ros.repeated_call import ParametersOf
-from rf_pointing.station.clients.board import LONGEST_TEXT, READ, Board, PageParams
+from rf_pointing.station.clients.board import JOG, LONGEST_TEXT, READ, Board, PageParams
 from rf_pointing.tracking.sensors import load_trackers
 from rf_pointing.web.metrics import board_metrics
 from rf_pointing.web.page_server import PageServer, report
@@ -101,7 +100,8 @@ class OperatorPage(ManagedNode):
         while not self._server.requests.empty():
             each = self._server.requests.get()
             try:
-                self.get_logger().info(f"{each.name[:LONGEST_TEXT]!r} {each.arguments} requested by {each.who}")
+                if each.name != JOG:
+                    self.get_logger().info(f"{each.name[:LONGEST_TEXT]!r} {each.arguments} requested by {each.who}")
                 self._board.request(each.name, each.arguments, each.reply)
             except Exception as error:
                 self.survived("a command", error)

@@ -62,6 +62,7 @@ class PointingControllerNode(StationNode):
 
         def take_status(message: ours.AntennaStatus) -> None:
             core.take_antenna(message.mode, message.fault)
+            core.permit_sun(convert.sun_permit_from_message(message), self.band)
 
         def take_profiles(message: ours.PassProfileList) -> None:
             core.plan.take_profiles([profile_from_message(each) for each in message.profiles])

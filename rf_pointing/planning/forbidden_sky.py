@@ -154,6 +154,11 @@ class ForbiddenSky:
         outward = present is not None and near >= self.sun_distance(*present, sun) - ROUNDING_RAD
         return "" if outward else self._near_sun(near)
 
+    def near_sun(self, azimuth: float, elevation: float, sun: Pair | None) -> str:
+        """Return "" or how near the Sun is to a direction in its zone."""
+        near = math.inf if sun is None else self.sun_distance(azimuth, elevation, sun)
+        return self._near_sun(near) if near < self.sun_radius_rad else ""
+
     def reason_of_path(self, lines: Array, sun: Pair | None, margin_rad: float = 0.0, *, arrives: bool = True) -> str:
         """Return "" or why the worst point of a path is forbidden.
 

@@ -199,6 +199,10 @@ class Gate:
                 )
         return ""
 
+    def sun_in_beam(self, azimuth_rad: float, elevation_rad: float, sun_rad: Pair | None) -> str:
+        """Return "" or how far inside its zone the Sun is; plain floats."""
+        return self._sky.near_sun(azimuth_rad, elevation_rad, sun_rad)
+
     def too_low_to_send(self, elevation_rad: float) -> str:
         """Return "" when the transmitter may be on at this elevation, else why not."""
         lowest = self.params.transmit_elevation_rad

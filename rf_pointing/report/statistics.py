@@ -204,6 +204,8 @@ def _commands(recording: Recording, modes: Timeline | None) -> Commands:
         accepted=_last(antenna, "commands_accepted"),
         rejected=_last(antenna, "commands_rejected"),
         last_rejection=str(antenna["last_rejection"][-1]) if antenna is not None else "",
+        offsets=_texts(status, "offsets"),
+        sun_permit=_texts(antenna, "sun_permit"),
     )
 
 
@@ -282,6 +284,11 @@ def _axis(recording: Recording, index: int) -> AxisLimits:
         acceleration_limit_deg_s2=acceleration_limit,
         at_limit_s=at_limit_s,
     )
+
+
+def _texts(data: TopicData | None, column: str) -> str:
+    """Return the different texts of a column in their order, without the empty one."""
+    return "; then ".join(dict.fromkeys(filter(None, map(str, data[column])))) if data else ""
 
 
 def _last(data: TopicData | None, column: str) -> int | None:

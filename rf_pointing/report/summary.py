@@ -194,7 +194,10 @@ class Latency:
 
 @dataclass(frozen=True, kw_only=True)
 class Commands:
-    """Commands ahead of time: lead at the controller and at the servo, and the servo's counters."""
+    """Commands ahead of time: lead at the controller and at the servo, and the servo's counters.
+
+    What the operator has given: `offsets` of the target, and who permitted the Sun.
+    """
 
     lead_min_s: Number
     lead_median_s: Number
@@ -203,6 +206,8 @@ class Commands:
     accepted: int | None
     rejected: int | None
     last_rejection: str
+    offsets: str
+    sun_permit: str
 
 
 @dataclass(frozen=True, kw_only=True)

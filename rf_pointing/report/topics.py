@@ -165,7 +165,8 @@ TOPICS: dict[str, TopicLayout] = {
         "TrackingStatus", "mode", "target", "reason", "azimuth", "elevation", "scan_centre", "cross_elevation_error",
         "elevation_error", "cross_elevation_offset", "elevation_offset", "carrier_to_noise", "beamwidth",
         "command_lead", "commands_sent",
-        added={"level": 0, "alarm": "", "seconds_tracked": 0.0, "seconds_lost": 0.0, "mean_loss": 0.0},
+        added={"level": 0, "alarm": "", "seconds_tracked": 0.0, "seconds_lost": 0.0, "mean_loss": 0.0,
+               "offsets": ""},
     ),
     "pass_certificate": TopicLayout(
         "rf_pointing_msgs/msg/PassCertificate",
@@ -176,7 +177,7 @@ TOPICS: dict[str, TopicLayout] = {
     "antenna_status": _own(
         "AntennaStatus", "mode", "fault", "rate_command", "rate_limit", "acceleration_limit", "at_limit",
         "command_lead", "tick_lateness", "commands_accepted", "commands_rejected", "last_rejection",
-        added={"set_points": 0, "starts": [0, 0], "reversals": [0, 0]},
+        added={"set_points": 0, "starts": [0, 0], "reversals": [0, 0], "sun_permit": ""},
     ),
     "sim/boresight": _own("Boresight", "azimuth", "elevation"),
     "sim/pointing_error": _ERROR,

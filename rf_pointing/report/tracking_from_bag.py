@@ -156,9 +156,15 @@ def _recorded(
     rows = np.flatnonzero(reference.covers(sensed.t_s))
     azimuth, elevation = sensed.position_rad[rows].T
     across, up = sensed.error_rad[rows].T
-    good = sensed.valid[rows] & (np.hypot(across, up) <= largest_error_rad)
+    valid, near = sensed.valid[rows], np.hypot(across, up) <= largest_error_rad
+    good = valid & near
     if int(np.sum(good)) < FEWEST_SAMPLES:
         return None
+    far = int(np.sum(valid & ~near))
+    left_out = (
+        f"{target}: {far} of {int(np.sum(valid))} samples are left out, with a sensed error above "
+        f"{np.degrees(largest_error_rad):.4g} deg (largest-error)"
+    )
     # Over the top upward on the sky is downward on the axis.
     upward = np.where(elevation > 0.5 * np.pi, -up, up)
     return RawTracking(
@@ -171,6 +177,7 @@ def _recorded(
         range_m=None,
         range_rate_m_s=None,
         good=good,
+        notes=(left_out,) if far else (),
     )
 
 

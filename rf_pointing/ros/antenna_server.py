@@ -11,11 +11,12 @@ from typing import Any
 
 from geometry_msgs.msg import Vector3Stamped
 from rf_pointing_msgs.msg import AntennaStatus, Boresight, CommandSignature
-from rf_pointing_msgs.srv import GoTo, InjectFault, StowInFault
+from rf_pointing_msgs.srv import GoTo, InjectFault, Jog, PermitSun, StowInFault
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
+from rf_pointing.ephemeris.solar import SunPermit
 from rf_pointing.ros import convert
 from rf_pointing.ros.command_key import CommandKey, CommandKeyParams
 from rf_pointing.ros.convert import pair
@@ -56,8 +57,8 @@ class AntennaServer:
         self._early = deque[tuple[JointTrajectory, str, float]](maxlen=MOST_EARLY)
         self._ticked_s = -math.inf
 
-    def serve(self, operation: AntennaOperation, longest_command: Callable[[], int]) -> None:
-        """Take commands of at most `longest_command()` points, and requests."""
+    def serve(self, operation: AntennaOperation, longest: Callable[[], int], band: str) -> None:
+        """Take commands of at most `longest()` points, and requests; `band` is in use."""
         node, antenna = self._node, operation.antenna
         self._operation = operation
         pairs = self._pairs = CommandPairs(
@@ -66,7 +67,7 @@ class AntennaServer:
         )  # fmt: skip
         node.listen(
             JointTrajectory, COMMANDS, lambda raw: pairs.note_command(raw, node.now_s()), COMMAND_INPUT,
-            raw=True, refused=antenna.reject, most_bytes=lambda: HEAD_BYTES + POINT_BYTES * longest_command(),
+            raw=True, refused=antenna.reject, most_bytes=lambda: HEAD_BYTES + POINT_BYTES * longest(),
         )  # fmt: skip
         node.listen(
             CommandSignature, SIGNATURES, lambda m: pairs.note_signature(m, node.now_s()), COMMAND_INPUT,
@@ -76,7 +77,10 @@ class AntennaServer:
         for name in OPERATED:
             self.leased.serve(Trigger, name, partial(_do, name, getattr(antenna, name)))
         self.leased.serve(GoTo, "go_to", lambda r: _do("go_to", partial(antenna.go_to, (r.azimuth, r.elevation)), r))
+        jog = lambda r: _do("jog", partial(antenna.jog, (r.azimuth, r.elevation)), r)  # noqa: E731
+        self.leased.serve(Jog, "jog", jog)
         self.leased.serve(StowInFault, "stow_in_fault", self._stow_in_fault)
+        self.leased.serve(PermitSun, "permit_sun", lambda r: self._permit_sun(r, band))
         node.diagnostics.add_report("drive", lambda: operation.drive_report(node.now_s()))
         node.diagnostics.add("commanders", self._commanders)
 
@@ -139,6 +143,16 @@ class AntennaServer:
     def _stow_in_fault(self, request: StowInFault.Request) -> str:
         _do("", partial(self._operation.antenna.stow_in_fault, request.fault), request)
         return "stowing the elevation; the azimuth is braked, and the fault stays latched"
+
+    def _permit_sun(self, request: PermitSun.Request, band: str) -> str:
+        permit = None
+        if request.by:
+            until_t_s = seconds_from_stamp(request.until)
+            permit = SunPermit(by=request.by, band=request.band, until_t_s=until_t_s)
+        _do("", lambda: self._operation.antenna.permit_sun(permit, band), request)
+        text = permit.text if permit else "the Sun is no longer permitted"
+        self._node.get_logger().warning(text)
+        return text
 
     def _inject(self, request: InjectFault.Request) -> str:
         antenna = self._operation.antenna

@@ -25,6 +25,7 @@ from rf_pointing.station.pointing.status import TrackingStatus
 
 if TYPE_CHECKING:
     from rf_pointing.ephemeris import SkyUncertainty
+    from rf_pointing.ephemeris.solar import SunPermit
 
 Signal = TypeVar("Signal")
 Message = TypeVar("Message")
@@ -91,6 +92,17 @@ boresight_to_message, boresight_from_message = pair(core.Boresight, ours.Boresig
 power_to_message, _power_from_message = pair(core.CarrierPower, ours.CarrierPower, integration_s="integration_time")
 error_to_message, _error_from_message = pair(core.PointingError, ours.PointingError)
 tracking_status_to_message, _ = pair(TrackingStatus, ours.TrackingStatus, half_power_beamwidth_rad="beamwidth")
+
+
+def sun_permit_from_message(message: ours.AntennaStatus) -> "SunPermit | None":
+    """Return who lets the beam of which band look into the Sun until when."""
+    # Imported here: a tracker reads no antenna status, and needs no ephemeris.
+    from rf_pointing.ephemeris.solar import SunPermit
+
+    until_t_s = seconds_from_stamp(message.sun_permit_until)
+    if not message.sun_permit:
+        return None
+    return SunPermit(by=message.sun_permit, band=message.sun_permit_band, until_t_s=until_t_s)
 
 
 def target_to_message(target: core.Target, uncertainty: "SkyUncertainty | None" = None) -> ours.Target:

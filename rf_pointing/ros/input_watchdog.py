@@ -5,7 +5,7 @@ node then works on and receives nothing for good, and nothing in ROS reports it.
 antenna publishes /diagnostics once a second of wall time, so a node is deaf if
 
     all of two or more neighbours     are in the graph, and from none anything arrived for 25 s, or
-    an input that is sent all the time   is silent for 10 s of wall and of node time, although its
+    an input that is sent all the time   is silent for 5 s of wall and of node time, although its
                                       publisher has just reported on /diagnostics that it is active,
                                       and not that it is silent and why
     or its own periodic work          is not done for as long and two periods
@@ -30,7 +30,7 @@ from rf_pointing.ros.qos import STREAM
 TOPIC = "/diagnostics"
 SILENCE_S = 25.0
 """Silence of a neighbour; more than the lease after which a dead participant leaves the graph."""
-INPUT_SILENCE_S = 10.0
+INPUT_SILENCE_S = 5.0
 RECENT_S = 3.0
 FEWEST = 2
 # The message of the status `state`: a string is its length, its bytes and a zero, aligned.

@@ -22,7 +22,7 @@ from rf_pointing.ros.managed import ManagedNode
 from rf_pointing.station.antenna.modes import OPERATED
 
 OWNER, SIGNED = "antenna_servo", "antenna_servo/signed"
-LEASED = tuple(f"{OWNER}/{name}" for name in (*OPERATED, "go_to", "stow_in_fault"))
+LEASED = tuple(f"{OWNER}/{name}" for name in (*OPERATED, "go_to", "jog", "stow_in_fault", "permit_sun"))
 # An antenna whose commands end has stopped itself by then.
 LEASE_S = 2.0
 

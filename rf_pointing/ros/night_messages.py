@@ -40,7 +40,9 @@ def hear_station(node: ManagedNode, alarms: StationAlarms) -> None:
         alarms.take(device, plain_fields(message) | more, seconds_from_stamp(message.header.stamp))
 
     def on_antenna(message: ours.AntennaStatus) -> None:
-        take("antenna", message, moving=max(map(abs, message.rate_command)) > MOVING_RAD_S)
+        moving = max(map(abs, message.rate_command)) > MOVING_RAD_S
+        until_t_s = seconds_from_stamp(message.sun_permit_until)
+        take("antenna", message, moving=moving, sun_permit_until_t_s=until_t_s)
         if (reading := joints.take()) is not None:
             azimuth, elevation = map(float, reading.position_rad)
             alarms.take("antenna", {"azimuth": azimuth, "elevation": elevation}, reading.t_s)

@@ -44,7 +44,7 @@ class OneGoal:
         if self._node.active and self._goal is None:
             return True
         why = "another one is under way" if self._node.active else "not active"
-        self._node.get_logger().error(f"goal refused: {why}")
+        self._node.log_once("goal refused", why, error=True)
         return False
 
     def _take(self, goal: Any) -> None:
@@ -55,7 +55,7 @@ class OneGoal:
             # Executed at once, so that the client receives the reason as a result: a rejection has
             # no text.
             self._reason = str(error)
-            self._node.get_logger().error(f"goal refused: {error}")
+            self._node.log_once("goal refused", str(error), error=True)
             goal.execute()
             return
         self._goal = goal

@@ -21,7 +21,8 @@ from rf_pointing.station.description.reading import nearest
 
 _LARGEST = 1.0e308
 _WHEN_CONFIGURED = "read when the node is configured"
-_STANDARD = ("use_sim_time", "start_type_description_service", "qos_overrides.")
+_CLOCK = "use_sim_time"
+_STANDARD = (_CLOCK, "start_type_description_service", "qos_overrides.")
 
 
 class ParameterGroups:
@@ -207,7 +208,8 @@ class ParameterGroups:
         runs.
         """
         for change in changes:
-            fixed = change.name in self._owner and change.name not in self._live
+            # A drive that waits for a simulated clock would have the wrong time at once.
+            fixed = (change.name in self._owner and change.name not in self._live) or change.name == _CLOCK
             if not fixed or _plain(change.value) == _plain(self._node.get_parameter(change.name).value):
                 continue
             if key := self._station_key(change.name):

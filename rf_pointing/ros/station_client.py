@@ -7,10 +7,14 @@ the antenna is signed with its key, if this user can read it.
 import json
 import math
 import os
+import select
 import shutil
+import sys
+import termios
 import time
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
+import tty
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -22,11 +26,13 @@ from rclpy.action import ActionClient
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rf_pointing_msgs.action import RunSchedule, TrackPass
 from rf_pointing_msgs.msg import AntennaStatus, ExecutiveStatus, PassList, Schedule, TrackingStatus
-from rf_pointing_msgs.srv import ChangeSchedule, GoTo, Named
+from rf_pointing_msgs.srv import ChangeSchedule, GoTo, Jog, Named, PermitSun
 from std_srvs.srv import Trigger
 
 from rf_pointing.core.dates import utc_text
+from rf_pointing.core.parameters import leaves
 from rf_pointing.core.whole_file import JOURNAL_BYTES, read_whole
+from rf_pointing.ephemeris.target_offsets import TargetOffsets
 from rf_pointing.operations.pass_list import read_passes
 from rf_pointing.ros.command_key import CommandKey, CommandKeyParams
 from rf_pointing.ros.convert_planning import scheduled_to_message
@@ -39,6 +45,7 @@ from rf_pointing.ros.recorder import Recorder
 from rf_pointing.ros.stamps import stamp_from_seconds
 from rf_pointing.ros.station_run import FOLLOW_S, GraphRun
 from rf_pointing.ros.station_view import entry_values, pass_line, stamp_text, status_text, status_values, window_values
+from rf_pointing.ros.waiting import TAKEN_UP_S
 from rf_pointing.station.clients.alarm_hooks import NO_WAY
 
 PATIENCE_S = 10.0
@@ -54,6 +61,12 @@ SENT_S = 60.0
 """Wall time until it is known what came of a message: three tries of 10 s, and what waits."""
 NIGHT = {"pause": "pause", "resume": "resume", "stop": "stop", "abort": "abort", "skip": "skip", "ack": "acknowledge"}
 """Services of the executive by the words that request them."""
+JOG = {"left": (-1.0, 0.0), "right": (1.0, 0.0), "up": (0.0, 1.0), "down": (0.0, -1.0)}
+"""Directions of a jog, azimuth and elevation."""
+ARROWS = {"\x1b[A": "up", "\x1b[B": "down", "\x1b[C": "right", "\x1b[D": "left"}
+JOG_PAUSE_S = 0.1
+FAST, SLOW, SLOW_BEAMS = 0.5, 0.1, 0.25
+"""Rates of a jog: shares of the largest rate, and half-power beamwidths a second."""
 ABOUT_ONE = ("skip", "ack")
 """Requests that name a pass or an alarm."""
 LOST = ("lost", "missed", "weather")
@@ -186,6 +199,54 @@ class StationClient(GraphRun):
         """Turn the axes to a position; the turn of the cables counts."""
         return self._ask(GoTo, f"{OWNER}/go_to", GoTo.Request(azimuth=azimuth_rad, elevation=elevation_rad))
 
+    def jog(self, direction: str | None, seconds: float, *, fast: bool) -> bool:
+        """Jog in a direction for a time, or while an arrow key of the terminal is held.
+
+        The antenna stops half a second after the last call, whatever has become of this client.
+        """
+        self.until(lambda: "antenna_status" in self.newest, "antenna_status")
+        if direction is not None:
+            ends_s = time.monotonic() + seconds
+            wanted = iter(lambda: direction if time.monotonic() < ends_s else None, None)
+            return self._jog(wanted, fast=fast)
+        self.say("arrow keys move the antenna while they are held, f: fast or slow, q: end")
+        with arrow_keys(sys.stdin.fileno()) as keys:
+            return self._jog(keys, fast=fast)
+
+    def _jog(self, wanted: Iterable[str], *, fast: bool) -> bool:
+        name = f"{OWNER}/jog"
+        caller = Caller(self.node, CommandKey(CommandKeyParams(command_key_file=self._key())))
+        client = caller.client(Jog, name)
+        self.until(client.service_is_ready, name)
+        for word in wanted:
+            if self.stopping or word == "q":
+                break
+            fast ^= word == "f"
+            if word not in JOG:
+                self.spin(JOG_PAUSE_S)
+                continue
+            rates = self._jog_rates(fast=fast)
+            azimuth, elevation = (sign * rate for sign, rate in zip(JOG[word], rates, strict=True))
+            request = Jog.Request(azimuth=azimuth, elevation=elevation)
+            future = client.call_async(caller.request(name, request))
+            self.until(future.done, f"an answer of {name}")
+            if not future.result().success:
+                self.say(future.result().message)
+                return False
+            self.spin(JOG_PAUSE_S)
+        return True
+
+    def _jog_rates(self, *, fast: bool) -> list[float]:
+        limits = map(float, self.newest["antenna_status"].rate_limit)
+        beam_rad = self.newest.get("tracking_status", TrackingStatus()).beamwidth or math.inf
+        return [FAST * each if fast else min(SLOW * each, SLOW_BEAMS * beam_rad) for each in limits]
+
+    def permit_sun(self, until: float | None, by: str, band: str) -> bool:
+        """Let the beam of a band look into the Sun until a time (UTC s), None: no longer."""
+        request = PermitSun.Request(by="" if until is None else by, band=band)
+        request.until = stamp_from_seconds(until or 0.0)
+        return self._ask(PermitSun, f"{OWNER}/permit_sun", request)
+
     def queue(self, text: str | None, remove: Sequence[str] = (), *, start: bool = False) -> bool:
         """Give the passes of a file of plan_passes to the executive, and take others away.
 
@@ -201,10 +262,21 @@ class StationClient(GraphRun):
             self.say(f"{len(passes)} passes from {utc_text(passes[0].aos_t_s)}")
         return granted
 
-    def set_offset(self, along_track_s: float | None, cross_track_deg: float | None) -> bool:
-        """Set the target off its elements, both offsets in one step; return whether they are."""
-        wanted = {"along_track_offset_s": along_track_s, "cross_track_offset_deg": cross_track_deg}
+    def offsets(self, request: tuple[str, str] | None = None, **wanted: float | None) -> bool:
+        """Set offsets of the target in one step, by the names of their parameters.
+
+        Or do a `request`: clear, or keep, recall or forget the set of a name; without anything show
+        the offsets and the sets.
+        """
         given = {name: value for name, value in wanted.items() if value is not None}
+        if request is not None:
+            word, name = request
+            service = f"ephemeris_publisher/{word}_offsets"
+            if word == "clear":
+                return self.ask(service)
+            return self._ask(Named, service, Named.Request(name=name))
+        if not given:
+            return self._show_offsets()
         rows = [
             ParameterMessage(name=f"source.{name}", value=Parameter("", value=value).get_parameter_value())
             for name, value in given.items()
@@ -213,6 +285,20 @@ class StationClient(GraphRun):
         answer = self._call(SetParametersAtomically, name, SetParametersAtomically.Request(parameters=rows)).result
         self.say(answer.reason or ", ".join(f"{name}={value}" for name, value in given.items()))
         return bool(answer.successful)
+
+    def _show_offsets(self) -> bool:
+        found: dict[str, str] = {}
+
+        def note(message: DiagnosticArray) -> None:
+            for status in message.status:
+                if status.name.endswith("ephemeris_publisher: target"):
+                    found.update({pair.key: pair.value for pair in status.values})
+
+        self.node.create_subscription(DiagnosticArray, "/diagnostics", note, 100)
+        self.until(lambda: found, "ephemeris_publisher on /diagnostics")
+        for name in (*leaves(TargetOffsets()), "offset_sets"):
+            print(f"{name}: {found.get(name, '')}")
+        return True
 
     def track(
         self,
@@ -307,6 +393,7 @@ class StationClient(GraphRun):
     def _call(self, kind: Any, name: str, request: Any) -> Any:
         caller = Caller(self.node, CommandKey(CommandKeyParams(command_key_file=self._key() if name in LEASED else "")))
         client = caller.client(kind, name)
+        self.waiting.pause(TAKEN_UP_S)
         self.until(client.service_is_ready, name)
         future = client.call_async(caller.request(name, request))
         self.until(future.done, f"an answer of {name}")
@@ -322,6 +409,26 @@ class StationClient(GraphRun):
             return str(self._given_key)
         path = self._parameter(OWNER, "command_key_file")
         return path if path and Path(path).is_file() and Path(path).stat().st_uid == os.getuid() else ""
+
+
+@contextmanager
+def arrow_keys(terminal: int) -> Iterator[Iterator[str]]:
+    """Yield the keys of a terminal as words, "" while none is held."""
+    before = termios.tcgetattr(terminal)
+    # A held key repeats itself: no word for its release is needed.
+    tty.setcbreak(terminal)
+
+    def words() -> Iterator[str]:
+        while True:
+            ready = select.select([terminal], [], [], 0.0)[0]
+            # Only the newest of what a slow link has left behind.
+            text = os.read(terminal, 1000).decode(errors="replace") if ready else ""
+            yield ARROWS.get(text[-3:], text[-1:])
+
+    try:
+        yield words()
+    finally:
+        termios.tcsetattr(terminal, termios.TCSADRAIN, before)
 
 
 def _night_line(feedback: RunSchedule.Feedback) -> str:

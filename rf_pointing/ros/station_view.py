@@ -12,7 +12,7 @@ from rf_pointing_msgs import msg as ours
 from rf_pointing import planning
 from rf_pointing.core.dates import utc_text
 from rf_pointing.operations.executor import block_text
-from rf_pointing.ros import convert_planning
+from rf_pointing.ros import convert, convert_planning
 from rf_pointing.ros.stamps import seconds_from_stamp
 from rf_pointing.station.clients.board import MOST_ROWS, degrees
 
@@ -29,6 +29,7 @@ def status_values(
     azimuth, elevation = map(math.degrees, antenna.commanded)
     return {
         "utc": stamp_text(antenna.header.stamp), "antenna": antenna.mode, "fault": antenna.fault, "warning": antenna.warning,
+        "sun_permitted": sun_permitted(antenna),
         "azimuth_deg": round(azimuth, 3), "elevation_deg": round(elevation, 3), "tracking": tracking.mode,
         "target": tracking.target, "on_source": tracking.on_source, "carrier_to_noise_db_hz": tracking.carrier_to_noise,
         "seconds_tracked": tracking.seconds_tracked, "executive": executive.state, "pass": executive.pass_id,
@@ -36,6 +37,12 @@ def status_values(
         "next": executive.next_id, "doing": executive.reason, "blocks": blocks_values(executive),
         "alarms": [alarm_values(each) for each in executive.alarms],
     }  # fmt: skip
+
+
+def sun_permitted(antenna: ours.AntennaStatus) -> str:
+    """Return who lets the beam look into the Sun until when, "" for nobody."""
+    permit = convert.sun_permit_from_message(antenna)
+    return permit.text if permit else ""
 
 
 def blocks_values(executive: ours.ExecutiveStatus) -> list[str]:
@@ -161,7 +168,8 @@ def status_text(values: dict[str, Any]) -> str:
         f"{values['utc'][:19]}  antenna {values['antenna']} az {values['azimuth_deg']:.2f} el {values['elevation_deg']:.2f} deg"
         f"  {values['tracking'] or 'no controller'} {values['target']}  executive {values['executive']}: {doing}"
     ]
-    lines += [f"  fault: {values['fault']}"] * bool(values["fault"])
+    named = ("fault", "warning", "sun_permitted")
+    lines += [f"  {name.replace('_', ' ')}: {values[name]}" for name in named if values[name]]
     lines += [
         f"  {('', 'warning', 'ERROR')[each['level']]} {each['name']}: {each['message']}"
         + (" (acknowledged)" if each["acknowledged"] else "")

@@ -68,7 +68,8 @@ class TrackPassServer:
     def _accepts(self, _request: TrackPass.Goal) -> bool:
         if self._node.active and not self._goals.busy:
             return True
-        self.error("goal refused: " + ("another pass is tracked" if self._node.active else "not active"))
+        why = "another pass is tracked" if self._node.active else "not active"
+        self._node.log_once("goal refused", why, error=True)
         return False
 
     def _begin(self, handle: Any) -> None:

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rcl_interfaces.msg import ParameterType, ParameterValue, SetParametersResult
 from rcl_interfaces.srv import GetParameters, SetParametersAtomically
@@ -26,11 +27,13 @@ from rf_pointing_msgs.msg import (
     ScheduledPass,
     TrackingStatus,
 )
-from rf_pointing_msgs.srv import ChangeSchedule, GoTo, Named
+from rf_pointing_msgs.srv import ChangeSchedule, GoTo, Jog, Named, PermitSun
 from std_srvs.srv import Trigger
 
 import rf_pointing.report
 from rf_pointing.commands import station
+from rf_pointing.core.parameters import leaves
+from rf_pointing.ephemeris.target_offsets import TargetOffsets
 from rf_pointing.ros.command_key import CommandKey, CommandKeyParams
 from rf_pointing.ros.main_loop import ros_domain
 from rf_pointing.ros.qos import LATCHED, STATUS
@@ -42,6 +45,7 @@ from test.ros.fake_station import FakeStation, fake
 __all__ = ["fake"]
 
 NEAR_S = 1_151_380_800.0
+OFFSETS: dict[str, Any] = dict.fromkeys(("request", *leaves(TargetOffsets())))
 
 
 @pytest.mark.parametrize(
@@ -64,7 +68,10 @@ def test_wrong_lines_end_with_2_before_the_station_is_looked_for(fake: FakeStati
         ("queue /nowhere/night.csv", "no such file: /nowhere/night.csv"),
         ("queue wrong.csv --start", "row 1: start='tomorrow'"),
         ("queue", "queue needs a file, --remove or --start"),
-        ("offset", "offset needs --along or --cross"),
+        ("offset --along 1 --clear", "offset takes numbers, or one of --clear, --keep, --recall"),
+        ("jog", "jog needs a direction, or a terminal with arrow keys"),
+        ("permit-sun --band X", "permit-sun needs --until, or --withdraw"),
+        ("permit-sun --band X --withdraw --until 2026-06-21T12:00:00Z", "permit-sun needs --until, or"),
         ("--key /nowhere/command.key park", "/nowhere/command.key: no such file"),
     ],
 )
@@ -96,8 +103,9 @@ def test_what_cannot_be_asked_has_its_reason(
         ("status --watch --json", "show_status", {"watch": True, "as_json": True}),
         ("go -1000 -20", "go", {"azimuth_rad": math.radians(-1000.0), "elevation_rad": math.radians(-20.0)}),
         ("go 1000 200", "go", {"azimuth_rad": math.radians(1000.0), "elevation_rad": math.radians(200.0)}),
-        ("offset --along -60", "set_offset", {"along_track_s": -60.0, "cross_track_deg": None}),
-        ("offset --along 60 --cross -5.7", "set_offset", {"along_track_s": 60.0, "cross_track_deg": -5.7}),
+        ("offset --along -60", "offsets", OFFSETS | {"along_track_offset_s": -60.0}),
+        ("offset --along 60 --cross -5.7", "offsets",
+         OFFSETS | {"along_track_offset_s": 60.0, "cross_track_offset_deg": -5.7}),
         ("night skip p1", "night", {"request": "skip", "name": "p1"}),
         ("log", "show_journal", {"count": 30}),
         ("log -n 5", "show_journal", {"count": 5}),
@@ -155,6 +163,17 @@ def trigger(success: bool, message: str = "as you wish") -> Any:
         ("night abort", "station_executive/abort", Trigger, {}),
         ("night skip p1", "station_executive/skip", Named, {"name": "p1"}),
         ("night ack", "station_executive/acknowledge", Named, {"name": ""}),
+        (
+            "permit-sun --band X --by alice --until 2026-06-21T12:00:00Z",
+            "antenna_servo/permit_sun",
+            PermitSun,
+            {"by": "alice", "band": "X", "until": Time(sec=1782043200)},
+        ),
+        ("permit-sun --band X --withdraw", "antenna_servo/permit_sun", PermitSun, {"by": "", "band": "X"}),
+        ("offset --clear", "ephemeris_publisher/clear_offsets", Trigger, {}),
+        ("offset --keep A", "ephemeris_publisher/keep_offsets", Named, {"name": "A"}),
+        ("offset --recall A", "ephemeris_publisher/recall_offsets", Named, {"name": "A"}),
+        ("offset --forget A", "ephemeris_publisher/forget_offsets", Named, {"name": "A"}),
         ("go 120 45", "antenna_servo/go_to", GoTo, {"azimuth": math.radians(120.0), "elevation": math.radians(45.0)}),
         ("queue --remove a b", "station_executive/change_schedule", ChangeSchedule, {"add": [], "remove": ["a", "b"]}),
     ],
@@ -540,6 +559,23 @@ def test_kept_messages_are_requested_where_they_are_published_so(fake: FakeStati
     assert fake.topics.keys() - kept == {"tracking_status"}
 
 
+def test_a_jog_calls_several_times_a_second_for_as_long_as_it_was_said(fake: FakeStation) -> None:
+    """Slow: a quarter of the beam a second, or a tenth of the largest rate if that is less."""
+    fake.publish(0.1, "antenna_status", AntennaStatus(rate_limit=[0.1, 0.2]))
+    fake.publish(0.1, "tracking_status", TrackingStatus(beamwidth=0.06))
+    fake.services["antenna_servo/jog"] = lambda _: Jog.Response(success=True)
+    assert run("jog", "left", "--seconds", "2") == 0
+    calls = [request for name, request in fake.calls if name == "antenna_servo/jog"]
+    assert 8 <= len(calls) <= 20, "more often than the 0.5 s after which the antenna stops"
+    assert all((each.azimuth, each.elevation) == (pytest.approx(-0.01), 0.0) for each in calls)
+    fake.calls.clear()
+    fake.publish(fake.wall.passed_s + 0.1, "antenna_status", AntennaStatus(rate_limit=[0.1, 0.2]))
+    fake.services["antenna_servo/jog"] = lambda _: Jog.Response(message="the antenna is parked")
+    assert run("jog", "up", "--fast") == 1
+    (refused,) = [request for name, request in fake.calls if name == "antenna_servo/jog"]
+    assert (refused.azimuth, refused.elevation) == (0.0, 0.1)
+
+
 # Parameters and journal
 
 
@@ -547,6 +583,16 @@ def test_kept_messages_are_requested_where_they_are_published_so(fake: FakeStati
     ("line", "wanted"),
     [
         ("--cross 0", {"source.cross_track_offset_deg": 0.0}),
+        ("--time 2 --az 0.1", {"source.time_offset_s": 2.0, "source.azimuth_offset_deg": 0.1}),
+        (
+            "--cross-el 0.1 --ra 0.2 --dec 0.3 --el 0.4",
+            {
+                "source.elevation_offset_deg": 0.4,
+                "source.cross_elevation_offset_deg": 0.1,
+                "source.right_ascension_offset_deg": 0.2,
+                "source.declination_offset_deg": 0.3,
+            },
+        ),
         ("--along -1 --cross 0.01", {"source.along_track_offset_s": -1.0, "source.cross_track_offset_deg": 0.01}),
     ],
 )

@@ -17,6 +17,7 @@ from rf_pointing_msgs.msg import Alarm, ExecutiveStatus, ProcedureBlock, Schedul
 from rf_pointing_msgs.srv import Named
 from selenium import webdriver
 from selenium.common.exceptions import StaleElementReferenceException
+from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 
@@ -182,10 +183,24 @@ def test_a_command_that_makes_no_sense_is_refused_by_the_node_that_knows(page: B
 def test_offsets_are_set_and_shown(page: Browser) -> None:
     page.unlock()
     page.until(lambda: page.text("#unlock") == "Lock commands", "the open lock")
-    page.driver.find_element(By.CSS_SELECTOR, "#along input").send_keys("0.25")
-    page.click("#along button")
-    page.until(lambda: page.text("#along-now") == "(now 0.25 s)", "the offset in force")
-    assert page.post("set_along_track", value=0).json()["accepted"]
+    page.driver.find_element(By.CSS_SELECTOR, "#offset input").send_keys("0.25")
+    page.click("#offset button")
+    page.until(lambda: page.text("#offsets-now") == "along track 0.25 s", "the offset in force")
+    page.click("[data-command=clear_offsets]")
+    page.until(lambda: page.text("#offsets-now") == "none", "no offset")
+
+
+def test_a_held_button_jogs_and_a_released_one_rests(page: Browser) -> None:
+    page.unlock()
+    page.until(lambda: page.text("#unlock") == "Lock commands", "the open lock")
+    page.until(lambda: page.station.antenna.mode == "holding", "an antenna at rest")
+    button = page.driver.find_element(By.CSS_SELECTOR, "[data-jog='1 0']")
+    hand = ActionChains(page.driver)
+    hand.click_and_hold(button).perform()
+    page.until(lambda: page.station.antenna.mode == "jogging", "the jog")
+    hand.release().perform()
+    page.until(lambda: page.station.antenna.mode == "holding", "rest")
+    assert page.station.antenna.fault == ""
 
 
 def test_a_pass_is_tracked_from_the_page(page: Browser) -> None:

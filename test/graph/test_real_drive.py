@@ -22,6 +22,7 @@ from rf_pointing.ephemeris.source import read_source
 from rf_pointing.report.recording import read_recording
 from rf_pointing.ros.input_watchdog import INPUT_SILENCE_S
 from rf_pointing.ros.qos import STREAM
+from rf_pointing.station.antenna.control_unit import JOG_S
 from rf_pointing.station.description import read_station
 from test.conftest import within
 from test.drives.rotctld import RealRotctld
@@ -188,6 +189,33 @@ def test_a_station_that_boots_before_its_rotator_and_loses_it_for_a_while_needs_
     assert station.ask("reset_fault").success
     station.until(lambda: station.status.mode == "holding", "the reset")
     assert station.processes.ended() == {}
+
+
+def test_a_jog_whose_client_is_killed_leaves_a_real_rotctld_at_rest(
+    live: SimpleNamespace, rotctld: RealRotctld, tmp_path: Path
+) -> None:
+    station = Watched(live, write_station(tmp_path, rotctld.port))
+    station.until(lambda: station.status.mode == "holding", "the antenna")
+    line = [executable("station"), "--namespace", live.namespace, "jog", "right", "--seconds", "60"]
+    client = subprocess.Popen([*line, "--fast"])
+    try:
+        station.until(lambda: station.status.mode == "jogging", "the jog")
+        begun = rotctld.position()
+        begun_s = time.monotonic()
+        station.until(lambda: time.monotonic() > begun_s + 3.0, "some motion")
+    finally:
+        client.kill()
+        client.wait()
+    assert math.dist(rotctld.position(), begun) > 1.0
+    took_s = station.until(lambda: station.status.mode != "jogging", "the dead man's end")
+    print(f"stopped {took_s:.2f} s after the client was killed")
+    assert within(took_s, JOG_S + 0.2)
+    station.until(lambda: station.status.mode == "holding", "rest")
+    rest = rotctld.position()
+    resting_s = time.monotonic()
+    station.until(lambda: time.monotonic() > resting_s + 2.0, "two seconds of it")
+    assert math.dist(rotctld.position(), rest) < 0.2
+    assert station.status.fault == ""
 
 
 def test_the_example_of_a_driver_behind_topics_passes_the_check_and_is_slewed(

@@ -12,13 +12,14 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.serialization import serialize_message
 from rclpy.time import Time as ClockTime
-from rf_pointing_msgs.srv import GoTo, InjectFault, SignedCall, StowInFault
+from rf_pointing_msgs.srv import GoTo, InjectFault, PermitSun, SignedCall, StowInFault
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from rf_pointing.nodes.antenna_servo import AntennaServo
+from rf_pointing.ros import convert
 from rf_pointing.ros.command_key import CommandKey, CommandKeyParams
 from rf_pointing.ros.leased_services import LEASE_S, LEASED, Caller
 from rf_pointing.ros.qos import LATCHED, STREAM
@@ -213,6 +214,7 @@ def test_while_a_signed_commander_has_the_antenna_only_who_has_the_key_is_served
     requests = {name: Trigger.Request() for name in LEASED} | {
         "antenna_servo/go_to": GoTo.Request(azimuth=math.radians(here[0]), elevation=math.radians(here[1])),
         "antenna_servo/stow_in_fault": StowInFault.Request(fault="x"),
+        "antenna_servo/permit_sun": PermitSun.Request(by="x"),
     }
     assert bench.call("~/go_to", requests["antenna_servo/go_to"]).success, "no commander: everybody is served"
     give(bench, command(bench, *here), key)
@@ -222,7 +224,11 @@ def test_while_a_signed_commander_has_the_antenna_only_who_has_the_key_is_served
         message = bench.call(f"~/{name.rpartition('/')[2]}", request).message
         assert message.startswith(f"/{name} is refused: /pointing_controller commands the antenna.")
     health = bench.health("commanders")
-    assert (health.level, health.values["calls_refused"], health.values["foreign_commands"]) == (ERROR, "8", "1")
+    assert (health.level, health.values["calls_refused"], health.values["foreign_commands"]) == (
+        ERROR,
+        str(len(LEASED)),
+        "1",
+    )
     caller = Caller(bench.node, CommandKey(CommandKeyParams(command_key_file=key)))
     call = caller.request("antenna_servo/go_to", requests["antenna_servo/go_to"])
     assert isinstance(call, SignedCall.Request)
@@ -439,3 +445,18 @@ def test_in_simulated_time_a_command_counts_behind_the_ticks_of_its_time_whichev
         moved.append([each.velocity[0] for each in bench.sent["joint_states"]])
     assert moved[0] == moved[1]
     assert abs(moved[0][-1]) > math.radians(0.05)
+
+
+def test_a_permission_for_the_sun_is_given_by_name_shown_and_withdrawn(make_bench: MakeBench) -> None:
+    bench = make_bench(AntennaServo).up()
+    bench.run(0.2)
+    until = stamp_from_seconds(bench.t_s + 60.0)
+    answer = bench.call("~/permit_sun", PermitSun.Request(by="alice", band="S", until=until))
+    assert (answer.success, answer.message) == (False, "band='S' must be 'X', the band in use")
+    answer = bench.call("~/permit_sun", PermitSun.Request(by="alice", band="X", until=until))
+    assert answer.message.startswith("alice lets the X beam look into the Sun until ")
+    bench.run(0.2)
+    assert convert.sun_permit_from_message(bench.sent["antenna_status"][-1]).by == "alice"
+    assert bench.call("~/permit_sun", PermitSun.Request()).message == "the Sun is no longer permitted"
+    bench.run(0.2)
+    assert convert.sun_permit_from_message(bench.sent["antenna_status"][-1]) is None

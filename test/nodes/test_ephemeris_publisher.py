@@ -2,11 +2,12 @@
 
 import math
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import pytest
 from rf_pointing_msgs.msg import Attitude
-from rf_pointing_msgs.srv import SelectTarget
+from rf_pointing_msgs.srv import Named, SelectTarget
 from sensor_msgs.msg import FluidPressure, RelativeHumidity, Temperature
 
 from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
@@ -92,3 +93,25 @@ def test_what_is_set_live_is_in_force_and_a_new_configuration_begins_without_pas
     for transition in ("deactivate", "cleanup", "configure"):
         assert bench.step(transition)
     assert bench.health("target").values["passes"] == "0"
+
+
+def test_offsets_are_cleared_together_and_sets_are_kept_for_the_band(make: Callable[..., Any], tmp_path: Path) -> None:
+    bench = make(**{"publisher.state_file": str(tmp_path / "publisher.json")})
+    wanted = {"source.azimuth_offset_deg": 0.1, "source.time_offset_s": 1.0}
+    assert bench.change(**wanted) == ""
+    bench.run(0.1)
+    text = "time 1 s, azimuth 0.1 deg"
+    assert bench.sent["target"][-1].offsets == text
+    assert bench.call("~/keep_offsets", Named.Request(name="feed A")).message == "kept as feed A"
+    assert bench.call("~/clear_offsets").message == "offsets: none"
+    bench.run(0.1)
+    assert bench.sent["target"][-1].offsets == ""
+    assert not any(bench.node.parameters.value("source").offsets.values())
+    assert bench.health("target").values["offset_sets"] == "feed A"
+    assert bench.call("~/recall_offsets", Named.Request(name="feed A")).message == f"offsets: {text}"
+    bench.run(0.1)
+    assert bench.sent["target"][-1].offsets == text
+    assert bench.health("target").values["azimuth_offset_deg"] == "0.1"
+    assert not bench.call("~/recall_offsets", Named.Request(name="feed B")).success
+    assert bench.call("~/forget_offsets", Named.Request(name="feed A")).message == "feed A is forgotten"
+    assert not bench.call("~/forget_offsets", Named.Request(name="feed A")).success

@@ -129,7 +129,7 @@ def test_messages_and_parameters_of_the_station_become_sections(page: Any, put: 
         "paused",
     )
     assert (found["station"]["name"], found["station"]["namespace"]) == ("Dish", "/gs1")
-    assert found["station"]["offsets"] == {"along_s": 0.25, "cross_deg": 0.25}
+    assert found["station"]["offsets"].startswith("along track 0.25 s, cross track 0.25 deg")
     assert found["station"]["limits_deg"] == pytest.approx([-220.0, 220.0, 4.0, 89.5])
     assert (found["passes"]["target"], len(found["passes"]["rows"])) == ("BIRD", 200)
     assert {"name": "antenna_servo", "silent_s": 0, "checks": [["device", 2, "lost"]]} in found["nodes"]

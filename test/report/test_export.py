@@ -57,7 +57,7 @@ def test_every_column_that_a_report_reads_has_a_meaning_and_every_number_of_ours
     # Counts, shares and words have none.
     plain = {"name", "target", "mode", "reason", "commands_sent", "level", "alarm", "accepted", "least_share", "fault",
              "at_limit", "commands_accepted", "commands_rejected", "last_rejection", "set_points", "starts", "reversals",
-             "sensor", "valid"}  # fmt: skip
+             "sensor", "valid", "offsets", "sun_permit"}  # fmt: skip
     for topic, columns in meanings().items():
         assert topic == "passes" or tuple(columns) == TOPICS[topic].columns
         for column, (unit, meaning) in columns.items():

@@ -1,5 +1,7 @@
 """A recording becomes raw tracking data: encoder plus sensed error, with the recorded ephemeris as reference."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -52,6 +54,19 @@ def test_errors_of_a_sensor_that_does_not_track_are_left_out(tmp_path, types, se
     path = bag(tmp_path, types, sensor=sensor, mode=lambda _: mode)
     with pytest.raises(ValueError, match="holds no tracking by a sensor"):
         tracking_from_bag(path, "gs1", "X")
+
+
+def test_how_many_samples_are_left_out_is_said_with_the_bound(tmp_path, types):
+    path = tmp_path / "bag"
+    SyntheticRun(error_mdeg=lambda t: (30.0 if t % 4.0 < 1.0 else 3.0, 0.0)).write(path, types, None)
+    ((raw, _),) = tracking_from_bag(path, "gs1", "X", largest_error_rad=4.0 * MDEG)
+    (note,) = raw.notes
+    count, every = map(int, re.search(r": (\d+) of (\d+) samples are left out", note).groups())
+    assert (count, every) == (int(np.sum(~raw.good)), len(raw))
+    assert count == pytest.approx(0.25 * every, rel=0.2)
+    assert "above 0.004 deg" in note
+    ((raw, _),) = tracking_from_bag(path, "gs1", "X", largest_error_rad=40.0 * MDEG)
+    assert raw.notes == ()
 
 
 def test_samples_far_from_the_axis_are_not_good(tmp_path, types):

@@ -220,6 +220,15 @@ def test_what_a_configured_node_has_read_is_refused_and_named(make_node: MakeNod
     assert set_all(node, **late).successful
 
 
+def test_the_clock_of_a_configured_node_stays(make_node: MakeNode) -> None:
+    """One call made time 0, which latched the fault that the clock had jumped by 57 years."""
+    node = make_node()
+    configured(node)
+    result = node.set_parameters_atomically([Parameter("use_sim_time", value=True)])
+    assert result.reason.startswith("use_sim_time is read when the node is configured")
+    assert not node.get_clock().ros_time_is_active
+
+
 def test_live_parameters_change_and_others_may_be_set_to_what_they_are(make_node: MakeNode) -> None:
     node = make_node()
     made = configured(node)

@@ -46,13 +46,17 @@ def test_the_status_of_a_station_is_in_degrees_and_utc() -> None:
         mode="coast", target="BIRD", on_source=True, carrier_to_noise=41.0, seconds_tracked=7.0
     )
     commanded = np.radians([123.45678, 45.67891])
-    found = status_values(antenna(mode="tracking", fault="f", warning="w", commanded=commanded), tracking, EXECUTIVE)
+    permit = {"sun_permit": "alice", "sun_permit_band": "X", "sun_permit_until": STAMP}
+    one = antenna(mode="tracking", fault="f", warning="w", commanded=commanded, **permit)
+    found = status_values(one, tracking, EXECUTIVE)
+    who = f"alice lets the X beam look into the Sun until {utc_text(NOW_S)}"
     assert found == {
         "utc": utc_text(NOW_S), "antenna": "tracking", "fault": "f", "warning": "w", "azimuth_deg": 123.457,
         "elevation_deg": 45.679, "tracking": "coast", "target": "BIRD", "on_source": True, "carrier_to_noise_db_hz": 41.0,
         "seconds_tracked": 7.0, "executive": "running", "pass": "p1", "next": "p2", "doing": "waits",
-        "blocks": ["slew: anomaly, late"], "alarms": [ALARM], "pass_target": "BIRD",
+        "blocks": ["slew: anomaly, late"], "alarms": [ALARM], "pass_target": "BIRD", "sun_permitted": who,
     }  # fmt: skip
+    assert f"  warning: w\n  sun permitted: {who}\n" in status_text(found)
     assert "executive running: BIRD slew: anomaly, late; waits" in status_text(found)
 
 

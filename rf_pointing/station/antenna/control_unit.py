@@ -11,6 +11,7 @@ closes the loops.  This module alone carries anything out: it gives the others w
 know and acts on their answers.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,12 +20,14 @@ from rf_pointing.controllers import TrajectorySample
 from rf_pointing.core import AXES, JointReading, JointTrajectory
 from rf_pointing.core.modes import antenna_is
 from rf_pointing.core.types import Array, Pair
+from rf_pointing.ephemeris.solar import SunPermit
 from rf_pointing.identification import IdentificationExperiment
 from rf_pointing.servo import PlantParams
 from rf_pointing.station.antenna.axes import NEW_PATH_RAD, AntennaAxes, Hardware, pair
 from rf_pointing.station.antenna.loops import LoopParams
 from rf_pointing.station.antenna.modes import AntennaMode, AntennaModes, MotionSnapshot, Request
 from rf_pointing.station.antenna.safety import AntennaSafety, SafetyParams
+from rf_pointing.station.antenna.sun_at_rest import AT_REST_RAD_S, EVERY_S, sun_entry, way_out
 
 SAME_S = 1e-9
 _ON_THE_WAY = {
@@ -34,6 +37,8 @@ _ON_THE_WAY = {
 }
 """Mode of the antenna's own motions; one that holds at its end holds its goal from the start."""
 SAME_RAD = 1e-3
+JOG_S = 0.5
+"""A jog that is not refreshed for so long ends: whoever held the key has gone."""
 WIND_EVERY = 5
 """Ticks between two readings of the anemometer."""
 
@@ -43,7 +48,8 @@ class AntennaStatus:
     """State of the drive at `t_s`: mode, fault, what the loops follow, counts of commands.
 
     `set_points`, `starts` and `reversals` of a drive that takes positions count since tracking
-    began.
+    began.  `sun` says when the Sun comes into the beam of an antenna at rest, and what is done;
+    `sun_permit` who lets it, for which band and until when, "" nobody.
     """
 
     t_s: float
@@ -62,6 +68,10 @@ class AntennaStatus:
     high_wind: str = ""
     transmit_inhibit: str = ""
     commander: str = ""
+    sun: str = ""
+    sun_permit: str = ""
+    sun_permit_band: str = ""
+    sun_permit_until_t_s: float = 0.0
     set_points: int = 0
     starts: tuple[int, int] = (0, 0)
     reversals: tuple[int, int] = (0, 0)
@@ -93,6 +103,9 @@ class ControlUnit:
         self._accepted = self._rejected = 0
         self._held_axis = -1
         self._last_rejection = self._ran_dry = ""
+        self._sun, self._sun_seen_s, self._sun_permitted = "", -math.inf, False
+        self._jog_rad_s, self._jog_until_s = np.zeros(2), -math.inf
+        self._turning_away = False
 
     @property
     def mode(self) -> AntennaMode:
@@ -112,6 +125,7 @@ class ControlUnit:
         table, safety = self.axes.path.table, self.safety
         reason = (
             self.modes.reason_against(Request.COMMAND, self._motion())
+            or ("the antenna turns away from the Sun" if self._turning_away else "")
             # Cheap checks first; the gate, which looks for a path, costs the most.
             or safety.authority.conflict(commander, now_s)
             or table.reason_against(trajectory, now_s)
@@ -189,6 +203,7 @@ class ControlUnit:
 
     def clock_stepped(self, by_s: float) -> None:
         """Go on with a clock that was stepped by `by_s`: every wait stays as long as it was."""
+        self._jog_until_s += by_s
         self.safety.clock_stepped(by_s)
 
     def stall(self) -> None:
@@ -254,6 +269,27 @@ class ControlUnit:
         """Go to a position of the axes and hold there."""
         reason = self.safety.gate.limits.reason(*goal)
         return reason or self._go(Request.GO_TO, goal)
+
+    def jog(self, rate_rad_s: Pair) -> str:
+        """Move at these rates for `JOG_S`, and on while it is called again; zero rates stop."""
+        reason = self.modes.reason_against(Request.JOG, self._motion())
+        rows = zip(AXES, rate_rad_s, self.axes.limits.rate_limit_rad_s, strict=True)
+        for axis, rate, limit in rows:
+            if not abs(rate) <= limit:
+                fast, most = math.degrees(rate), math.degrees(limit)
+                reason = reason or f"{axis} rate {fast:.3f} deg/s must be within {most:.3f} deg/s"
+        if reason:
+            return reason
+        if not any(rate_rad_s):
+            if self.mode == AntennaMode.JOGGING:
+                self.stop()
+            return ""
+        self._jog_rad_s, self._jog_until_s = np.array(rate_rad_s), self.t_s + JOG_S
+        if self.mode != AntennaMode.JOGGING:
+            self.safety.authority.release()
+            self.axes.path.go(pair(self.axes.path.preprocessor.state.position_rad), ())
+            self.modes.mode, self._ran_dry = AntennaMode.JOGGING, ""
+        return ""
 
     def stow_in_fault(self, fault: str) -> str:
         """Stow the elevation in spite of the latched `fault`; the azimuth keeps its brake.
@@ -357,6 +393,16 @@ class ControlUnit:
         self.modes.mode = _ON_THE_WAY[request]
         return ""
 
+    def permit_sun(self, permit: SunPermit | None, band: str = "") -> str:
+        """Let the beam look into the Sun as a permission says, None: no longer; return why not."""
+        if permit is not None:
+            try:
+                permit.check(self.t_s, band)
+            except ValueError as error:
+                return str(error)
+        self.safety.sun.permit, self._sun_seen_s = permit, -math.inf
+        return ""
+
     # One tick
 
     def reading(self, t_s: float) -> JointReading:
@@ -376,6 +422,7 @@ class ControlUnit:
             self._watch_sensors()
         reading = self.reading(t_s)
         self._watch_wind(t_s)
+        self._watch_sun(t_s)
         axes = self.axes
         axes.path.following = None
         # Unpowered axes get no rates: laws that run against the brakes would wind up.
@@ -391,7 +438,7 @@ class ControlUnit:
     def status(self, t_s: float) -> AntennaStatus:
         """Return the status at `t_s`."""
         axes, path, safety = self.axes, self.axes.path, self.safety
-        commanded = path.preprocessor.state.position_rad
+        commanded, permit = path.preprocessor.state.position_rad, safety.sun.permitted(t_s)
         silent = "" if self.modes.traits.transmits else antenna_is(self.mode)
         return AntennaStatus(
             t_s=t_s,
@@ -407,11 +454,19 @@ class ControlUnit:
             commands_rejected=self._rejected,
             last_rejection=self._last_rejection,
             warning=("" if axes.hardware.powered else axes.hardware.fault)
+            or self._sun
             or self._ran_dry
             or safety.warning(t_s, self.mode, pair(commanded)),
             high_wind=safety.wind.reason,
-            transmit_inhibit=silent or safety.gate.too_low_to_send(float(axes.encoder_rad[1])),
+            transmit_inhibit=silent
+            or safety.gate.too_low_to_send(float(axes.encoder_rad[1]))
+            # A permission is for the receiver.
+            or safety.gate.sun_in_beam(*pair(axes.encoder_rad), safety.sun.at(t_s)),
             commander=safety.authority.holder,
+            sun=self._sun,
+            sun_permit=permit.by if permit else "",
+            sun_permit_band=permit.band if permit else "",
+            sun_permit_until_t_s=permit.until_t_s if permit else 0.0,
         )
 
     def _motion(self) -> MotionSnapshot:
@@ -441,6 +496,54 @@ class ControlUnit:
         if self.safety.wind.reason and self.safety.wind.params.stows and self.modes.traits.leaves_wind:
             self.stow()
 
+    def _watch_sun(self, t_s: float) -> None:
+        """Warn of the Sun that comes to an antenna at rest, and turn away in time."""
+        if 0.0 <= t_s - self._sun_seen_s < EVERY_S:
+            return
+        self._sun_seen_s, safety, params = t_s, self.safety, self.safety.params.at_rest
+        was_permitted = self._sun_permitted
+        self._sun_permitted = safety.sun.permitted(t_s) is not None
+        rate = max(map(abs, self.axes.path.preprocessor.velocity_rad_s))
+        moving = self.axes.hardware.powered and rate > AT_REST_RAD_S
+        radius_rad, here = safety.params.gate.sun_radius_rad, pair(self.axes.encoder_rad)
+        entry = sun_entry(safety.sun, radius_rad, params, here, t_s)
+        if entry is not None and moving and was_permitted and not self._sun_permitted:
+            # One that follows the Sun moves; the end of its permission finds it in the zone.
+            moving = entry.t_s > t_s
+        if entry is None or moving:
+            self._sun, self._turning_away = "", self._turning_away and moving
+            return
+        # A commander that lives may still leave by itself, and what is permitted lasts to its end.
+        waits = self.mode == AntennaMode.TRACKING or self._sun_permitted
+        lead_s = 0.0 if waits else params.escape_s
+        does = f"the antenna stays ({antenna_is(self.mode)})"
+        if params.escapes and self.modes.traits.leaves_sun:
+            does = f"it turns away {lead_s:.0f} s before" if lead_s else "it turns away then"
+            if t_s >= entry.t_s - lead_s:
+                does = self._turn_away(t_s) or "it turns away"
+        self._sun = f"{entry.text}; {does}"
+
+    def _turn_away(self, t_s: float) -> str:
+        """Turn to where the Sun will not be for long; return why not."""
+        safety, rests = self.safety, self.modes.traits.at_rest
+        if safety.wind.reason:
+            return f"the antenna stays: {safety.wind.reason}"
+        _, path = safety.sun.ahead(t_s, safety.params.at_rest.span_s)
+        kind = "park" if rests else "preset"
+        found = way_out(safety.gate, kind, pair(self.axes.encoder_rad), path)
+        if found is None:
+            return "the antenna stays: no free way leads out"
+        if rests:
+            self.enable()
+            if safety.latch.text:
+                return f"the antenna stays: {safety.latch.text}"
+        safety.authority.release()
+        self.axes.path.go(*found)
+        # What was stowed is not so any more; brakes that were set are set again there.
+        self.modes.mode = AntennaMode.PARKING if rests else AntennaMode.HOLDING
+        self._turning_away = True
+        return ""
+
     def _watch_sensors(self) -> None:
         """Check the sensors after a tick, and trip on what cannot be bridged."""
         reason = self.axes.watch()
@@ -461,7 +564,11 @@ class ControlUnit:
             feasible = axes.path.step(followed, pair(axes.encoder_rad), step_s)
             if motion:
                 reason = self.safety.guard(motion, t_s, *map(pair, feasible))
-                if reason:
+                if reason and self.mode == AntennaMode.JOGGING:
+                    # Whoever jogs sees it stop, and may turn back.
+                    self.stop()
+                    self._ran_dry = f"the jog was stopped: {reason}"
+                elif reason:
                     self.stop(reason)
         # Exactly zero: the preprocessor brings the rate to zero, not near it.
         standing = not any(feasible.velocity.tolist())
@@ -506,6 +613,14 @@ class ControlUnit:
 
     def _followed(self, t_s: float) -> TrajectorySample | None:
         """Return the commanded motion at `t_s`, or None: then the goal is kept."""
+        if self.mode == AntennaMode.JOGGING:
+            if t_s > self._jog_until_s:
+                self.stop()
+                return None
+            # From where the command is: axes that fall behind do not run to catch up.
+            here = self.axes.path.preprocessor.state.position_rad
+            ahead = here + self._tick_s * self._jog_rad_s
+            return TrajectorySample(t_s, ahead, self._jog_rad_s, np.zeros(2), "table")
         if self.mode != AntennaMode.TRACKING:
             return None
         path = self.axes.path

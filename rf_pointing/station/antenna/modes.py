@@ -8,6 +8,7 @@
     parked, stowed, disabled --resume--> holding
     parked --stow--> stowing
     a movable one --go_to--> holding, on its way to where it was sent
+    holding --jog--> jogging --no further jog in 0.5 s--> stopping
     fault --reset_fault--> holding, --stow_in_fault--> stowing with the azimuth braked
 
 A loop or a sensor that cannot be trusted leads to fault at once, with the brakes set.  Nothing here
@@ -28,6 +29,7 @@ class AntennaMode(StrEnum):
     HOLDING = "holding"
     TRACKING = "tracking"
     MANUAL_RATE = "manual_rate"
+    JOGGING = "jogging"
     PAUSED = "paused"
     STOPPING = "stopping"
     FAULT = "fault"
@@ -60,6 +62,7 @@ class Request(StrEnum):
     PARK = auto()
     STOW = auto()
     GO_TO = auto()
+    JOG = auto()
     STOW_IN_FAULT = auto()
     DISABLE = auto()
     RESET_FAULT = auto()
@@ -72,7 +75,8 @@ class ModeTraits:
     `movable`: the position laws drive the axes, which may be sent to rest.  `motion`: what the
     safety gate calls the motion of this mode, "" where it need not pass.  `ends_in`: the mode at
     its end, with the brakes set.  `at_rest`: the brakes are set until `resume`.  `leaves_wind`:
-    high wind sends the antenna to stow.  `transmits`: the transmitter may be on.
+    high wind sends the antenna to stow.  `leaves_sun`: an antenna at rest turns away from the Sun.
+    `transmits`: the transmitter may be on.
     """
 
     movable: bool = False
@@ -80,17 +84,19 @@ class ModeTraits:
     ends_in: AntennaMode | None = None
     at_rest: bool = False
     leaves_wind: bool = False
+    leaves_sun: bool = False
     transmits: bool = False
 
 
 MODES = {
     AntennaMode.INACTIVE: ModeTraits(),
-    AntennaMode.HOLDING: ModeTraits(movable=True, motion="preset", leaves_wind=True, transmits=True),
-    AntennaMode.TRACKING: ModeTraits(movable=True, motion="track", leaves_wind=True, transmits=True),
+    AntennaMode.HOLDING: ModeTraits(movable=True, motion="preset", leaves_wind=True, leaves_sun=True, transmits=True),
+    AntennaMode.TRACKING: ModeTraits(movable=True, motion="track", leaves_wind=True, leaves_sun=True, transmits=True),
     # An experiment passes the gate at its own rates, before the laws are run (see the control
     # unit).
     AntennaMode.MANUAL_RATE: ModeTraits(),
-    AntennaMode.PAUSED: ModeTraits(movable=True, leaves_wind=True),
+    AntennaMode.JOGGING: ModeTraits(movable=True, motion="manual", leaves_wind=True),
+    AntennaMode.PAUSED: ModeTraits(movable=True, leaves_wind=True, leaves_sun=True),
     # A stop passes no gate: decelerating at the limits is the safest motion there is.
     AntennaMode.STOPPING: ModeTraits(movable=True),
     AntennaMode.FAULT: ModeTraits(),
@@ -101,8 +107,9 @@ MODES = {
     AntennaMode.DISABLING: ModeTraits(ends_in=AntennaMode.DISABLED),
     # Brakes hold a parked dish in any wind, but its park elevation is not the one at which the wind
     # does least.
-    AntennaMode.PARKED: ModeTraits(at_rest=True, leaves_wind=True),
-    AntennaMode.STOWED: ModeTraits(at_rest=True),
+    AntennaMode.PARKED: ModeTraits(at_rest=True, leaves_wind=True, leaves_sun=True),
+    AntennaMode.STOWED: ModeTraits(at_rest=True, leaves_sun=True),
+    # Somebody may be working on it.
     AntennaMode.DISABLED: ModeTraits(at_rest=True),
 }
 
@@ -144,6 +151,11 @@ class AntennaModes:
                 if self.mode != AntennaMode.HOLDING:
                     return f"{antenna_is(self.mode)}, must be holding"
                 return "the axes are still moving" if now.moving else ""
+            case Request.JOG:
+                may = (AntennaMode.HOLDING, AntennaMode.JOGGING, AntennaMode.STOPPING)
+                wrong = "" if self.mode in may else f"{antenna_is(self.mode)}, must be holding"
+                fault = f"fault latched ({now.fault}); reset it first" if now.fault else ""
+                return fault or now.high_wind or wrong
             case Request.PAUSE:
                 return "" if self.mode == AntennaMode.TRACKING else f"nothing to pause, {antenna_is(self.mode)}"
             case Request.RESUME:
@@ -174,6 +186,8 @@ class AntennaModes:
             return "the antenna is not active"
         if self.mode == AntennaMode.MANUAL_RATE:
             return "an identification drives the antenna"
+        if self.mode == AntennaMode.JOGGING:
+            return "the antenna is jogged"
         if self.traits.ends_in or self.traits.at_rest:
             return f"{antenna_is(self.mode)}; resume it first"
         return ""

@@ -28,6 +28,7 @@ from rf_pointing.planning import (
     WindWatchParams,
 )
 from rf_pointing.station.antenna.modes import AntennaMode
+from rf_pointing.station.antenna.sun_at_rest import SunAtRestParams
 
 COMMAND_PERIOD_S = 0.1
 LATE_S = 0.1
@@ -44,6 +45,7 @@ class SafetyParams(Params):
     gate: GateParams = parameter(GateParams(), "margins of the limits")
     mask: HorizonMask = parameter(HorizonMask(), "horizon that the antenna does not look below")
     sun: SunParams = parameter(SunParams(), "the Sun that the antenna does not look into")
+    at_rest: SunAtRestParams = parameter(SunAtRestParams(), "the Sun that comes to it at rest")
     park_azimuth_rad: float = parameter(0.0, "azimuth of the park position", low=-20.0, high=20.0)
     park_elevation_rad: float = parameter(math.radians(45.0), "elevation of the park position", low=0.0, high=3.2)
     stow_elevation_rad: float = parameter(
@@ -114,7 +116,8 @@ class AntennaSafety:
 
     def check(self, kind: str, t_s: float, present: Pair, positions: Array) -> Decision:
         """Decide on a motion requested at `t_s`, from `present` through `positions` (n, 2)."""
-        return self.gate.check(kind, present, positions, sun_rad=self.sun.at(t_s), high_wind=self.wind.reason)
+        sun_rad = self.sun.avoided(t_s)
+        return self.gate.check(kind, present, positions, None, sun_rad, self.wind.reason)
 
     def guard(self, kind: str, t_s: float, position: Pair, rate: Pair, acceleration: Pair = (0.0, 0.0)) -> str:
         """Return "" or why a motion must be stopped now, wherever it was allowed to go."""
@@ -126,7 +129,7 @@ class AntennaSafety:
         # Looked at one tick ahead: a stop that begins inside the forbidden region begins too late.
         then = position[0] + tick_s * rate[0], position[1] + tick_s * rate[1]
         faster = rate[0] + tick_s * acceleration[0], rate[1] + tick_s * acceleration[1]
-        return self.gate.guard(kind, position, then, faster, self.sun.at(t_s))
+        return self.gate.guard(kind, position, then, faster, self.sun.avoided(t_s))
 
     def clock_stepped(self, by_s: float) -> None:
         """Go on with a clock that was stepped: what was silent has been so as long as before."""

@@ -48,7 +48,7 @@ class CalibratorParams(Params):
         8.0, "the same while the beam scans: estimates from the same window differ little", low=0.1, high=600.0
     )
     sigma_rad: float = parameter(
-        2.0 * MDEG, "standard deviation of one observation on the sky, added to the sensor's own", low=1e-7, high=0.01
+        2.0 * MDEG, "standard deviation of one observation on the sky, added to the sensor's own", low=1e-7, high=0.1
     )
     largest_error_rad: float = parameter(
         6.0 * MDEG, "sensed error above which nothing is observed: a tenth of a beamwidth", low=1e-7, high=0.1

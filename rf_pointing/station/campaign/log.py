@@ -9,7 +9,8 @@ scan: where the encoders are meanwhile is part of the scan.
 import math
 from collections import Counter, deque
 from collections.abc import Collection
-from dataclasses import fields
+from dataclasses import fields, replace
+from typing import Any
 
 import numpy as np
 
@@ -44,6 +45,8 @@ MOST_REASONS = 100
 BLOCK_ROWS = 256
 COLUMNS = tuple(each.name for each in fields(Observations) if each.name not in ("station", "band", "temperature_k"))
 """Columns of an observation that is taken here, without temperature."""
+TEMPERATURE_S = 3600.0
+"""Age up to which a temperature counts: that of a mount follows the day."""
 
 
 def scans(name: str) -> bool:
@@ -64,7 +67,8 @@ class CalibrationLog:
     or of the first valid error.  Estimates of a scan overlap, so they are taken every
     `scan_spacing_s`.  With a `journal` every observation is on the disk before the next
     one, and those already in it count.  What a disk does not take is kept and tried again with the
-    next observation; `problem` reports it.
+    next observation; `problem` reports it.  A campaign that begins with a temperature stores one
+    with every observation, for thermal terms.
     """
 
     def __init__(
@@ -96,6 +100,7 @@ class CalibrationLog:
         # and again leaves the memory in pieces.
         self._blocks: list[Array] = []
         self._filled = 0
+        self._temperature, self._stored = (-math.inf, 0.0), False
         self._waiting: list[Observations] = []
         self.problem = ""
         self._pass, self._last_s, self._new_pass = -1, -math.inf, True
@@ -123,6 +128,24 @@ class CalibrationLog:
         self._centres.add(t_s, scan_centre_rad)
         self._mode = mode
 
+    def take_temperature(self, t_s: float, temperature_k: float) -> None:
+        """Note the temperature at the antenna."""
+        self._temperature = t_s, temperature_k
+
+    def _thermal(self, t_s: float) -> tuple[dict[str, Any], str]:
+        """Return the column of the temperature, {} where none is stored, or why it is missing."""
+        known_s, kelvin = self._temperature
+        fresh = abs(t_s - known_s) <= TEMPERATURE_S
+        # The first observation decides: a column is given for all rows or for none.
+        if not len(self):
+            self._stored = fresh
+        elif self._points is not None:
+            self._stored = self._points.temperature_k is not None
+        if not self._stored:
+            return {}, ""
+        late = f"no temperature for {TEMPERATURE_S:.0f} s, which this campaign stores"
+        return {"temperature_k": np.array([kelvin])}, "" if fresh else late
+
     def take_error(self, error: PointingError) -> Observations | None:
         """Turn a valid error into an observation (one row) if one is due, and return it.
 
@@ -138,14 +161,19 @@ class CalibrationLog:
         if not self._target.covers(error.t_s, error.t_s):
             self._note("no target is known at its time")
             return None
+        thermal, missing = self._thermal(error.t_s)
+        if missing:
+            self._note(missing)
+            return None
         starts = self._new_pass or not 0.0 <= error.t_s - self._last_s <= PASS_GAP_S
-        row = self._row(error, position, self._pass + starts)
+        row = replace(self._row(error, position, self._pass + starts), **thermal)
         self._waiting.append(row)
         self.write_waiting()
         self._pass, self._new_pass, self._last_s = self._pass + starts, False, error.t_s
         if self._filled == BLOCK_ROWS * len(self._blocks):
-            self._blocks.append(np.empty((BLOCK_ROWS, len(COLUMNS))))
-        self._blocks[-1][self._filled % BLOCK_ROWS] = [getattr(row, name)[0] for name in COLUMNS]
+            self._blocks.append(np.empty((BLOCK_ROWS, len(self._columns))))
+        values = [getattr(row, name)[0] for name in self._columns]
+        self._blocks[-1][self._filled % BLOCK_ROWS] = values
         self._filled += 1
         return row
 
@@ -223,13 +251,17 @@ class CalibrationLog:
         """Return all observations; ValueError without one."""
         parts = [] if self._points is None else [self._points]
         if self._filled:
-            columns = dict(zip(COLUMNS, np.concatenate(self._blocks)[: self._filled].T.copy(), strict=True))
+            columns = dict(zip(self._columns, np.concatenate(self._blocks)[: self._filled].T.copy(), strict=True))
             pass_id = columns.pop("pass_id").astype(np.int64)
             parts.append(Observations(station=self.station, band=self.band, pass_id=pass_id, **columns))
         # Joined once, not at every call.
         points = Observations.concatenate(parts)
         self._points, self._blocks, self._filled = points, [], 0
         return points
+
+    @property
+    def _columns(self) -> tuple[str, ...]:
+        return (*COLUMNS, "temperature_k") if self._stored else COLUMNS
 
     def coverage(self, rule: SectorRule) -> Coverage:
         """Return how the sectors of the sky are filled."""

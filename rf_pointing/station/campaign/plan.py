@@ -30,7 +30,7 @@ class ArcRules(Params):
     spacing_s: float = parameter(1.0, "time between two points", low=0.1, high=600.0)
     lowest_rad: float = parameter(math.radians(10.0), "lowest elevation of a candidate", low=0.0, high=1.5)
     highest_rad: float = parameter(math.radians(89.0), "highest elevation of a candidate", low=0.1, high=1.5707)
-    sigma_rad: float = parameter(2.0 * MDEG, "standard deviation of one point on the sky", low=1e-7, high=0.01)
+    sigma_rad: float = parameter(2.0 * MDEG, "standard deviation of one point on the sky", low=1e-7, high=0.1)
     fastest_rad_s: float = parameter(
         math.radians(1.5),
         "pieces with a higher azimuth rate are left out: the antenna would not follow",

@@ -21,7 +21,7 @@ from rf_pointing.calibration import (
     plan_campaign,
     read_model,
 )
-from rf_pointing.core import MDEG, Params, parameter
+from rf_pointing.core import Params, parameter
 from rf_pointing.core.dates import utc_text
 from rf_pointing.ephemeris import Elements, Pass
 from rf_pointing.station.campaign.calibrator import journal_of
@@ -37,7 +37,6 @@ LARGEST_SLEW_S = 180.0
 """From the end of a pass, or from the start, to the first point of the next one."""
 SPACING_S = 0.5
 """Time between two observations."""
-SIGMA_RAD = 2.0 * MDEG
 SETTLE_S = 25.0
 """Valid errors before the first observation: the lags follow changes of rate over 10 s."""
 ACQUISITION_S = 45.0
@@ -142,7 +141,8 @@ def fit_of_kept(
 ) -> tuple[Observations, FitResult]:
     """Return the observations on the disk and the fit that the calibrator makes of them."""
     journal = journal_of(folder, station.name, band)
-    log = CalibrationLog(station.name, band, SPACING_S, SIGMA_RAD, journal=journal)
+    sigma_rad = station.sets("bias_calibrator", band)["calibrator"].sigma_rad
+    log = CalibrationLog(station.name, band, SPACING_S, sigma_rad, journal=journal)
     points, file = log.observations(), station.bias_model_file(band)
     start = read_model(file) if file else None
     keeper = ModelKeeper(station.name, band, folder, start, AcceptanceRules())

@@ -18,6 +18,7 @@ from rf_pointing.core.checks import one_of
 from rf_pointing.core.dates import utc_text
 from rf_pointing.core.whole_file import read_whole
 from rf_pointing.ephemeris.solar import SolarDirection, SunParams
+from rf_pointing.ephemeris.target_offsets import TargetOffsets
 from rf_pointing.operations.dictionary import TABLES, DirectiveRow, read_directives
 from rf_pointing.planning import HorizonMask, PassProfile
 from rf_pointing.tracking.sensors import SENSOR_CHOICES
@@ -37,9 +38,13 @@ PATH_POINTS = 90
 MASK_STEP_DEG = 2.0
 LARGEST = 1e18
 """Largest number of a command."""
+JOG = "jog"
+"""Sent several times a second while a button is held: only what refuses it is shown."""
 FROM_DICTIONARY = (
     "stop_antenna", "stop_pass", "pause_antenna", "release", "park", "stow", "reset_antenna_fault", "select_target", "track",
-    "set_along_track", "set_cross_track",
+    "set_along_track", "set_cross_track", "set_time_offset", "set_azimuth_offset", "set_elevation_offset",
+    "set_cross_elevation_offset", "set_right_ascension_offset", "set_declination_offset",
+    "clear_offsets", "keep_offsets", "recall_offsets", JOG,
 )  # fmt: skip
 """Directives of the shipped dictionary that the page sends."""
 OF_EXECUTIVE = {"acknowledge": True, "skip": True, "pause": False, "resume": False, "stop": False, "abort": False}
@@ -48,13 +53,13 @@ TAKES = {"track": ("aos_utc", "sensor")}
 """Arguments where they differ: a goal needs a whole pass, a viewer names a shown one."""
 LIMITS = tuple(f"limits.{axis}_{end}_deg" for axis in ("azimuth", "elevation") for end in ("min", "max"))
 SUN_RADIUS = "machine.sun_radius_deg"
-OFFSETS = {"along_s": "source.along_track_offset_s", "cross_deg": "source.cross_track_offset_deg"}
+OFFSETS = tuple(leaves(TargetOffsets()))
 READ = {
     "pointing_controller": [
         *LIMITS, SUN_RADIUS,
         *(f"{name}.{leaf}" for name, each in (("mask", HorizonMask()), ("sun", SunParams())) for leaf in leaves(each)),
     ],
-    "ephemeris_publisher": [*OFFSETS.values()],
+    "ephemeris_publisher": [f"source.{name}" for name in OFFSETS],
 }  # fmt: skip
 """Parameters of other nodes that the page shows; some change while the nodes run."""
 
@@ -187,7 +192,8 @@ class Board:
     def note_parameters(self, node: str, values: Mapping[str, Any]) -> None:
         """Take the parameters `READ` of a node; ValueError for a wrong horizon or site."""
         if node == "ephemeris_publisher":
-            self._parameters["offsets"] = {name: values.get(each) for name, each in OFFSETS.items()}
+            found = {name: values[f"source.{name}"] for name in OFFSETS if f"source.{name}" in values}
+            self._parameters["offsets"] = with_leaves(TargetOffsets(), found).offsets_text
             return
         mask = with_leaves(HorizonMask(), _below("mask.", values))
         sun = with_leaves(SunParams(), _below("sun.", values))
@@ -267,7 +273,8 @@ class Board:
         if number in self._requests:
             name, reply = self._requests.pop(number)
             words = text or ("accepted" if accepted else "refused")
-            self._note(accepted, f"{name}: {words}")
+            if name != JOG or not accepted:
+                self._note(accepted, f"{name}: {words}")
             reply(accepted, words)
 
     def ended(self, _number: int, name: str, succeeded: bool, result: Mapping[str, Any]) -> None:

@@ -20,6 +20,7 @@ from rf_pointing.operations import AlarmParams
 from rf_pointing.operations.alarms import Alarm
 from rf_pointing.operations.recovery import Recovery
 from rf_pointing.planning.forbidden_sky import angle_between
+from rf_pointing.station.antenna.sun_at_rest import SunAtRestParams, sun_entry
 from rf_pointing.station.clients.alarm_hooks import NO_WAY, AlarmHooks, HookParams, Message
 from rf_pointing.station.derive.nodes import NODES
 from rf_pointing.station.pointing.params import ControllerParams
@@ -163,15 +164,27 @@ class StationAlarms:
         for way in self.hooks.ways:
             self.take(way.name, {"not_sent": way.problem}, t_s)
         self.take("computer", {"memory_free_mb": free_memory_mb()}, t_s)
-        self.take("antenna", {"sun_margin_rad": self._sun_margin_rad(t_s)}, t_s)
+        self._observe_sun(t_s)
 
-    def _sun_margin_rad(self, t_s: float) -> float:
+    def _observe_sun(self, t_s: float) -> None:
+        """Note how near the Sun is, and of a silent antenna when it will be in the beam."""
         azimuth, elevation = (self.known.value(f"antenna.{axis}") for axis in AXES)
         sun = self._sun.at(t_s) if azimuth is not None and elevation is not None else None
-        if sun is None:
-            return float("inf")
-        apart_rad = float(angle_between(np.array([azimuth, elevation]), np.array(sun)))
-        return apart_rad - self._sun_radius_rad
+        margin_rad = float("inf")
+        if sun is not None and not self._permitted(t_s):
+            apart_rad = float(angle_between(np.array([azimuth, elevation]), np.array(sun)))
+            margin_rad = apart_rad - self._sun_radius_rad
+        self.take("antenna", {"sun_margin_rad": margin_rad}, t_s)
+        if sun is not None and not self.known.is_fresh("antenna.mode", t_s, SILENT_S):
+            # The control unit would warn and turn away; whoever is left can only tell.
+            at = float(azimuth or 0.0), float(elevation or 0.0)
+            entry = sun_entry(self._sun, self._sun_radius_rad, SunAtRestParams(), at, t_s)
+            words = f"{entry.text}; nothing turns it away: antenna_servo is silent" if entry else ""
+            self.take("antenna", {"sun": words}, t_s)
+
+    def _permitted(self, t_s: float) -> bool:
+        until_t_s = self.known.value("antenna.sun_permit_until_t_s")
+        return until_t_s is not None and t_s < until_t_s
 
     def step(self, t_s: float, wall_s: float) -> None:
         """Observe, raise and clear, and tell what is due: where no executive acts on it."""

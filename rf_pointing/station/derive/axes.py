@@ -99,6 +99,12 @@ def sun(of: Band) -> Rows:
     return {"site": site(of), "watched": Value(of.content.sun.radius_deg > 0.0, "sun.radius_deg")}
 
 
+def sun_at_rest(of: Band) -> Rows:
+    """The Sun that comes to an antenna at rest."""
+    names = ("escapes", "warning_s", "clear_s")
+    return {name: Value(getattr(of.content.sun, name), f"sun.{name}") for name in names}
+
+
 def mask(of: Band) -> Rows:
     """The horizon."""
     key = "mount.horizon_file" if of.content.mount.horizon_file else "mount.horizon_deg"

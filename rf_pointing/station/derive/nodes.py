@@ -72,6 +72,7 @@ def antenna_servo(of: Band) -> Derived:
             "gate": axes.gate(of),
             "mask": axes.mask(of),
             "sun": axes.sun(of),
+            "at_rest": axes.sun_at_rest(of),
         },
     }
     trial = ("antenna.", "mount.", "wind.mean_speed_m_s", "wind.from_azimuth_deg")
@@ -225,6 +226,7 @@ def bias_calibrator(of: Band) -> Derived:
         "station": Value(of.content.name, "name"),
         "band": Value(of.name, "bands"),
         "model_file": Value(of.model_file, "bands.*.bias_model"),
+        "sigma_deg": tuned(min(rounded(0.03 * h, 1), 5.0), "0.03 h, at most 5 deg"),
         "largest_error_deg": tuned(min(largest, 5.0), "0.1 h" if largest <= 5.0 else "5 deg, less than 0.1 h"),
     }
     sets = {"calibrator": CalibratorParams(), "shadow": AcceptanceRules(), "orbit": ORBIT}

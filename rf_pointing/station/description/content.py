@@ -144,6 +144,11 @@ class SunSection:
     radius_deg: float = parameter(
         1.0, "the beam stays this far from the Sun; 0: it may look into it", low=0.0, high=28.0
     )
+    escapes: bool = parameter(True, "an antenna at rest turns away from it; false: it only warns")
+    warning_s: float = parameter(300.0, "it warns so long before, turns away 60 s before", low=60.0, high=3600.0)
+    clear_s: float = parameter(
+        1800.0, "where it turns to stays clear of the Sun for so long", low=60.0, high=14400.0
+    )  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -23,7 +23,7 @@ from rf_pointing.calibration import BiasModel
 from rf_pointing.core import JointReading, JointTrajectory, Mode, PointingError, Sensor, Target, require_choice
 from rf_pointing.core.pass_outcome import LOSS_OF_SIGNAL
 from rf_pointing.ephemeris import Pass
-from rf_pointing.ephemeris.solar import SolarDirection
+from rf_pointing.ephemeris.solar import SolarDirection, SunPermit
 from rf_pointing.planning import PassProfile, SensorCost
 from rf_pointing.station.pointing.antenna_watch import AntennaWatch, AxisState
 from rf_pointing.station.pointing.corrections import PointingCorrections
@@ -51,6 +51,8 @@ USUAL_RANGE_M = 1e6
 # Horizon and Sun are judged by the angles of the axes.  What the beam is off them is covered by the
 # clearance over the horizon, and by this share of the Sun's zone.
 SUN_SHARE = 0.5
+# A pass through the Sun ends so long before its permission, for the antenna to turn away then.
+SUN_STOP_S = 2.0
 
 
 class PointingController:
@@ -155,6 +157,10 @@ class PointingController:
         """Note the mode and the latched fault that the antenna publishes."""
         self.antenna.take_status(mode, fault)
 
+    def permit_sun(self, permit: SunPermit | None, band: str = "") -> None:
+        """Take who lets the beam look into the Sun; one for another than `band` lets it not."""
+        self.plan.sun.permit = permit if permit is None or band in ("", permit.band) else None
+
     def awaits_input(self, t_s: float) -> bool:
         """Whether a sensor that reports every period, or the target, is late with what is used."""
         if self._pass is None:
@@ -231,6 +237,10 @@ class PointingController:
             self._stopping = LOSS_OF_SIGNAL
         elif not self._stopping and axes.fault:
             self._stopping = self.statistics.fault = axes.fault
+        elif not self._stopping:
+            permit = self.plan.permit
+            if permit is not None and not self.plan.sun.permitted(t_s + SUN_STOP_S):
+                self._stopping = f"over: {permit.text}"
         gap_s, self._stepped_s = t_s - self._stepped_s, t_s
         if gap_s > STALLED_S:
             self._slew_again(t_s, f"the controller stalled for {gap_s:.1f} s")
@@ -396,6 +406,7 @@ class PointingController:
             seconds_tracked_s=self.statistics.outcome.tracked_s,
             seconds_lost_s=self.statistics.outcome.lost_s,
             mean_loss_db=self.statistics.outcome.mean_loss_db,
+            offsets=self._motion.targets.offsets,
             level=self._alarm[0],
             alarm=self._alarm[1],
         )

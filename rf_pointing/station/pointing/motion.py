@@ -284,7 +284,8 @@ class CommandedMotion:
         encoder_rad = trajectory.position_rad[0] if self.axes is None else self.axes.position_rad
         here = (float(encoder_rad[0]), float(encoder_rad[1]))
         self._issued = trajectory
-        decision = plan.gate.check(kind, here, trajectory.position_rad, sun_rad=plan.sun.at(t_s))
+        sun_rad = plan.sun.avoided(t_s)
+        decision = plan.gate.check(kind, here, trajectory.position_rad, sun_rad=sun_rad)
         return (trajectory, "") if decision.allowed else (None, decision.reason)
 
     def halt(self, t_s: float) -> JointTrajectory | None:

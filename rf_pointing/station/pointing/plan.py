@@ -12,7 +12,7 @@ from rf_pointing.controllers import CommandPreprocessor, CommandPreprocessorPara
 from rf_pointing.core import JointReading, Motion
 from rf_pointing.core.types import Array, Pair
 from rf_pointing.ephemeris import Pass
-from rf_pointing.ephemeris.solar import SolarDirection
+from rf_pointing.ephemeris.solar import SolarDirection, SunPermit
 from rf_pointing.planning import (
     AxisLimits,
     Certificate,
@@ -27,7 +27,8 @@ from rf_pointing.planning import (
     plunged,
     unplunged,
 )
-from rf_pointing.planning.forbidden_sky import ForbiddenSky
+from rf_pointing.planning.certificate import SUN_CLEARANCE_RAD
+from rf_pointing.planning.forbidden_sky import ForbiddenSky, angle_between
 from rf_pointing.station.pointing.branch import TrackingBranch
 from rf_pointing.station.pointing.certificates import PlanningRules, certificate_of
 from rf_pointing.station.pointing.prediction import axis_motion
@@ -127,6 +128,8 @@ class PassPlan:
         self.profile: PassProfile | None = None
         self._slew, self._goal = self._path(), np.full(2, math.inf)
         self._meeting = NO_MEETING
+        self.permit: SunPermit | None = None
+        """Permission that the pass needs."""
 
     def choose(
         self,
@@ -151,11 +154,17 @@ class PassPlan:
         self._check_sun(profile)
         self.profile = profile.resampled()
         azimuth, elevation = joints.position_rad.tolist()
+        machine, permit = self.machine, self.sun.permitted(t_s)
+        ahead = self.profile.t_s >= t_s
+        apart = angle_between(self.profile.position_rad[ahead], self.profile.sun_rad[ahead])
+        near = bool(np.any(apart < machine.sun_radius_rad + SUN_CLEARANCE_RAD))
+        if near and permit is not None:
+            machine, self.permit = machine.replace(sun_radius_rad=0.0), permit
         rules = PlanningRules(
-            model=model, machine=self.machine, limits=self._limits, mask=self.mask, gate=self._gate_params,
+            model=model, machine=machine, limits=self._limits, mask=self.mask, gate=self._gate_params,
             lag_averaging_s=lag_averaging_s,
         )  # fmt: skip
-        slew = partial(self.gate.slew, sun_rad=self.sun.at(t_s))
+        slew = partial(self.gate.slew, sun_rad=self.sun.avoided(t_s))
         self.certificate = certificate_of(
             profile,
             rules,
@@ -166,7 +175,8 @@ class PassPlan:
         )
         branch = self.certificate.chosen
         if branch is None:
-            raise ValueError(self.certificate.reason)
+            hint = "" if permit or not near else "; `station permit-sun` allows the Sun, once"
+            raise ValueError(self.certificate.reason + hint)
         # Without a slew to its start the branch is as good as none.
         self.approach(t_s, joints, np.array(branch.start_rad))
         self.course = TrackingBranch(branch)
@@ -184,7 +194,8 @@ class PassPlan:
         if not float(np.max(np.abs(goal_rad - self._goal))) <= NEW_GOAL_RAD:
             goal = (float(goal_rad[0]), float(goal_rad[1]))
             kind = motion_between((azimuth, elevation), goal)
-            found = self.gate.check(kind, (azimuth, elevation), np.array([goal]), sun_rad=self.sun.at(t_s))
+            here, sun_rad = (azimuth, elevation), self.sun.avoided(t_s)
+            found = self.gate.check(kind, here, np.array([goal]), sun_rad=sun_rad)
             if not found.allowed:
                 raise ValueError(f"no {kind} to the start of the pass: {found.reason}")
             self._goal, self._slew = goal_rad.copy(), self._path(found.way)
@@ -236,7 +247,7 @@ class PassPlan:
         branch = self.certificate.chosen if self.certificate else None
         if self.profile is None or branch is None or branch.axes_rad is None:
             return NO_MEETING
-        path, sun = Chased(self.profile.t_s, branch.axes_rad), self.sun.at(t_s)
+        path, sun = Chased(self.profile.t_s, branch.axes_rad), self.sun.avoided(t_s)
         chase_s = path.chase_s(t_s, axes, self.gate, sun)
         if chase_s is not None:
             # Once begun it is not judged again: a rotator that is stopped in the middle of it,

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from rf_pointing import ephemeris
 from rf_pointing.core import Params, Target, parameter
 from rf_pointing.core.dates import DAY_S, utc_text
+from rf_pointing.core.parameters import leaves
 from rf_pointing.ephemeris import (
     ElementUncertainty,
     Pass,
@@ -21,6 +22,7 @@ from rf_pointing.ephemeris import (
 )
 from rf_pointing.ephemeris.element_updates import ElementUpdates
 from rf_pointing.ephemeris.source import SourceParams, TargetMemory, load_track, refraction_at, unused
+from rf_pointing.ephemeris.target_offsets import OffsetSets, TargetOffsets
 from rf_pointing.planning import HorizonMask, PassProfile
 from rf_pointing.station.pointing.certificates import pass_profile
 from rf_pointing.station.pointing.status import Level, Report
@@ -50,17 +52,19 @@ class PredictedTarget:
     """One target at a time; `show(passes, profiles)` gets those of each choice, None if unchanged.
 
     Elements that were never fetched are fetched first.  Raises ValueError with the reason if the
-    target is unknown; `log_once(subject, words)` gets what may repeat with every target.
+    target is unknown; `log_once(subject, words)` gets what may repeat with every target.  `sets`
+    are the named offsets of the band.
     """
 
     def __init__(
         self, params: PublisherParams, source: SourceParams, mask: HorizonMask, uncertainty: ElementUncertainty,
         show: Callable[[list[Pass] | None, list[PassProfile]], None],
-        log_once: Callable[[str, str], None] = lambda _subject, _words: None,
+        log_once: Callable[[str, str], None] = lambda _subject, _words: None, band: str = "",
     ) -> None:  # fmt: skip
         self.params, self.uncertainty = params, uncertainty
         self._horizon, self._show, self._log_once = mask.above(params.mask_rad), show, log_once
         self._memory = TargetMemory(params.state_file, source)
+        self.sets = OffsetSets(params.state_file, band)
         self.source, self.peak_rad = self._memory.source, self._memory.peak_rad
         self.updates = ElementUpdates(self.source.elements)
         self.updates.require()
@@ -116,14 +120,32 @@ class PredictedTarget:
         # A hold that is set again keeps its instant; only a new one begins now.
         held_s = self.track.hold_t_s if self.track.hold_t_s is not None else now_s
         self.track = self.track.with_offsets(
-            along_track_offset_s=source.along_track_offset_s,
-            cross_track_offset_rad=source.cross_track_offset_rad,
             hold_t_s=held_s if source.hold else None,
             refraction=refraction_at(source, self.track.site),
             antenna=source.antenna,
+            **source.offsets,
         )
         self.source = source
         self._keep()
+
+    @property
+    def about_offsets(self) -> dict[str, Callable[[str, float], str]]:
+        """Requests about the offsets, by word: each takes a name and the time, and answers.
+
+        All offsets to zero, or those of a set that was kept, in one step; ValueError for a set that
+        is unknown or cannot be kept.
+        """
+        sets = self.sets
+        return {
+            "clear": lambda _, now_s: self._offset({}, now_s),
+            "recall": lambda name, now_s: self._offset(sets.recall(name), now_s),
+            "keep": lambda name, _: sets.keep(name, self.source),
+            "forget": lambda name, _: sets.forget(name),
+        }
+
+    def _offset(self, offsets: dict[str, float], now_s: float) -> str:
+        self.set(self.source.replace(**TargetOffsets(**offsets).offsets), now_s)
+        return f"offsets: {self.source.offsets_text or 'none'}"
 
     def take_weather(self, name: str, value: float, now_s: float) -> None:
         """Note a measured temperature_k, pressure_hpa or relative_humidity."""
@@ -163,8 +185,8 @@ class PredictedTarget:
         warnings = "; ".join(filter(None, (*self.track.warnings(now_s), *problems)))
         values: dict[str, object] = {
             "passes": len(self.passes),
-            "along_track_offset_s": self.track.along_track_offset_s,
-            "cross_track_offset_deg": math.degrees(self.track.cross_track_offset_rad),
+            **{name: value for name, (_, value) in leaves(self.track.offsets).items()},
+            "offset_sets": ", ".join(self.sets.names),
             "hold_since": "" if self.track.hold_t_s is None else utc_text(self.track.hold_t_s),
         }
         try:
@@ -252,6 +274,4 @@ class PredictedTarget:
 
 def _moving(track: TopocentricTrack) -> TopocentricTrack:
     """Return the track without its hold: a target that is held passes never, or always."""
-    return track.with_offsets(
-        along_track_offset_s=track.along_track_offset_s, cross_track_offset_rad=track.cross_track_offset_rad
-    )
+    return track.with_offsets(**track.offsets.offsets)

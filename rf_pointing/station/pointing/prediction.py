@@ -43,6 +43,7 @@ class TargetBuffer:
     """Holds the samples of one target, joined by quintics.
 
     `received_until_s` is the time of the latest sample that was received; later ones are filled in.
+    `offsets` of the operator are those of the newest sample.
     """
 
     def __init__(self) -> None:
@@ -51,6 +52,7 @@ class TargetBuffer:
         self._ranges: list[float] = []
         self._gains: list[float] = []
         self.received_until_s = self._ahead_s = -math.inf
+        self.offsets = ""
 
     def clear(self) -> None:
         """Forget everything, for a new target."""
@@ -58,6 +60,7 @@ class TargetBuffer:
         self._motions.clear()
         self._ranges.clear()
         self._gains.clear()
+        self.offsets = ""
         self.received_until_s = self._ahead_s = -math.inf
 
     def add(self, target: Target) -> None:
@@ -71,7 +74,7 @@ class TargetBuffer:
             np.array([target.azimuth_rate_rad_s, target.elevation_rate_rad_s]),
             np.array([target.azimuth_acceleration_rad_s2, target.elevation_acceleration_rad_s2]),
         )
-        self.received_until_s = max(self.received_until_s, target.t_s)
+        self.received_until_s, self.offsets = max(self.received_until_s, target.t_s), target.offsets
         self._insert(target.t_s, motion, target.range_m, target.satellite_gain_db)
 
     def late(self, t_s: float) -> bool:

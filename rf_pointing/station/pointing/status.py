@@ -30,7 +30,8 @@ class TrackingStatus:
     """Mode of the pointing controller at `t_s`, with what it commands and senses; angles in rad.
 
     The axis fields compare command and encoders (`antenna_watch.py`), the seconds and the loss are
-    the outcome of the pass so far (`outcome.py`), `alarm` is why the level is not OK.
+    the outcome of the pass so far (`outcome.py`), `offsets` are those of the operator, `alarm` is
+    why the level is not OK.
     """
 
     t_s: float
@@ -58,6 +59,7 @@ class TrackingStatus:
     seconds_tracked_s: float = 0.0
     seconds_lost_s: float = 0.0
     mean_loss_db: float = 0.0
+    offsets: str = ""
     level: int = Level.OK
     alarm: str = ""
 

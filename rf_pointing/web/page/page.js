@@ -109,7 +109,7 @@ function toast(text, good) {
   toast.timer = setTimeout(() => { node.hidden = true; }, good ? 4000 : 10000);
 }
 
-async function command(name, args) {
+async function command(name, args, quiet) {
   if (!token) {
     toast(`NOT SENT: ${words(name)} needs the token. Unlock the commands first.`, false);
     byId("door").showModal();
@@ -120,12 +120,45 @@ async function command(name, args) {
       headers: {"Content-Type": "application/json", "Authorization": `Bearer ${token}`}});
     const answer = await response.json();
     if (response.status === 401) setToken("");
-    toast(`${words(name)}: ${answer.message}`, answer.accepted);
+    if (!quiet || !answer.accepted) toast(`${words(name)}: ${answer.message}`, answer.accepted);
     return answer;
   } catch (error) {
     toast(`NOT SENT: ${words(name)}: no connection to the station`, false);
     return null;
   }
+}
+
+// The antenna stops 0.5 s after the last call: what is not sent, or comes late, ends the jog.
+const JOG_MS = 150;
+
+function jogRates(directions) {
+  const live = shown.live || {}, limits = live.rate_limit_deg_s || [0, 0], beam = live.beamwidth_deg || 0;
+  return directions.map((direction, axis) => {
+    const slow = Math.min(0.1 * limits[axis], beam > 0 ? 0.25 * beam : Infinity);
+    return direction * (byId("jog-fast").checked ? 0.5 * limits[axis] : slow) * Math.PI / 180;
+  });
+}
+
+function jog(directions) {
+  if (jog.timer) return;
+  const [azimuth, elevation] = jogRates(directions);
+  const send = async () => {
+    // One at a time: calls that wait behind a slow link would move the antenna later.
+    if (jog.sent) return;
+    jog.sent = true;
+    const answer = await command("jog", {azimuth, elevation}, true);
+    jog.sent = false;
+    if (!answer || !answer.accepted) endJog();
+  };
+  jog.timer = setInterval(send, JOG_MS);
+  send();
+}
+
+function endJog() {
+  if (!jog.timer) return;
+  clearInterval(jog.timer);
+  jog.timer = null;
+  command("jog", {azimuth: 0, elevation: 0}, true);
 }
 
 function setToken(given) {
@@ -349,6 +382,7 @@ const show = {
     write("countdown", left);
     write("reason", live.reason ? `Why: ${live.reason}` : "");
     write("warnings", [live.alarm && `▲ ${live.alarm}`, live.warning && `▲ ${live.warning}`, live.high_wind && `▲ wind: ${live.high_wind}`,
+      live.sun_permitted && `☀ ${live.sun_permitted}`,
       live.transmit_inhibit && `○ transmitter off: ${live.transmit_inhibit}`].filter(Boolean).join("  "));
     byId("warnings").className = `words ${live.level === 2 ? "bad" : "warn"}`;
     byId("fault").hidden = !live.fault;
@@ -377,9 +411,7 @@ const show = {
       select.replaceChildren(...station.sensors.map((each) => make("option", {value: each}, each)));
       select.value = "auto";
     }
-    const offsets = station.offsets || {};
-    write("along-now", Number.isFinite(offsets.along_s) ? `(now ${offsets.along_s} s)` : "");
-    write("cross-now", Number.isFinite(offsets.cross_deg) ? `(now ${offsets.cross_deg} deg)` : "");
+    write("offsets-now", station.offsets || "none");
   },
   sun(sun) {
     const up = sun && sun[1] > -1, radius = (shown.station || {}).sun_radius_deg;
@@ -487,8 +519,26 @@ byId("unlock").addEventListener("click", () => token ? setToken("") : byId("door
 byId("door-open").addEventListener("click", unlock);
 byId("door-close").addEventListener("click", () => byId("door").close());
 byId("token").addEventListener("keydown", (event) => { if (event.key === "Enter") unlock(); });
-submit("along", "set_along_track", (data) => ({value: Number(data.get("value"))}));
-submit("cross", "set_cross_track", (data) => ({value: Number(data.get("value"))}));
+byId("offset").addEventListener("submit", (event) => {
+  event.preventDefault();
+  const data = new FormData(event.target);
+  command(data.get("which"), {value: Number(data.get("value"))});
+});
+byId("offset-set").addEventListener("submit", (event) => {
+  event.preventDefault();
+  command(event.submitter.value, {name: new FormData(event.target).get("name").trim()});
+});
+for (const button of document.querySelectorAll("[data-jog]")) {
+  const directions = button.dataset.jog.split(" ").map(Number);
+  button.addEventListener("pointerdown", () => jog(directions));
+  for (const end of ["pointerup", "pointerleave", "pointercancel", "keyup", "blur"]) button.addEventListener(end, endJog);
+  button.addEventListener("keydown", (event) => {
+    if ((event.key === " " || event.key === "Enter") && !event.repeat) jog(directions);
+  });
+  button.addEventListener("contextmenu", (event) => event.preventDefault());
+}
+document.addEventListener("visibilitychange", () => document.hidden && endJog());
+window.addEventListener("blur", endJog);
 submit("select", "select_target", (data) => ({target: data.get("target").trim()}));
 document.addEventListener("keydown", (event) => {
   if (event.key === "Escape" && !byId("door").open && !event.repeat) command("stop_antenna");

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from rf_pointing.core.types import Pair
 from rf_pointing.planning import HorizonMask, WindWatchParams
+from rf_pointing.station.antenna.control_unit import JOG_S
 from rf_pointing.station.antenna.loops import LoopParams
 from rf_pointing.station.antenna.safety import SafetyParams
 from rf_pointing.station.antenna.simulated_antenna import AntennaParams
@@ -153,6 +154,27 @@ def test_a_device_that_is_elsewhere_is_not_moved_back_whenever_the_fault_is_rese
         assert subject.true_deg == pytest.approx(there, abs=1.5 * near_deg)
     finally:
         subject.close()
+
+
+@pytest.mark.parametrize("name", [*SERIAL, "hamlib"])
+def test_a_jog_that_is_not_refreshed_leaves_the_device_at_rest_without_a_fault(
+    driven: Callable[..., Driven], name: str
+) -> None:
+    subject = driven(name)
+    antenna, rate = subject.antenna, math.radians(3.0)
+    begin = float(antenna.axes.encoder_rad[0])
+    for _ in range(20):
+        assert antenna.jog((rate, 0.0)) == ""
+        subject.run(0.2)
+    moved = float(antenna.axes.encoder_rad[0]) - begin
+    # It starts late, in steps.
+    assert 2.0 * rate < moved < 4.5 * rate
+    subject.run(JOG_S + 3.0)
+    rest = antenna.axes.encoder_rad.copy()
+    assert rest[0] - begin < moved + rate * (JOG_S + 1.0)
+    subject.run(5.0)
+    assert antenna.axes.encoder_rad == pytest.approx(rest, abs=1e-9)
+    assert (subject.mode, subject.fault) == ("holding", "")
 
 
 # Sensors and drives

@@ -1,12 +1,13 @@
 """When an error becomes an observation and what stands in its row, on a target that moves evenly."""
 
 import math
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from rf_pointing.calibration import SectorRule
+from rf_pointing.calibration import ObservationJournal, SectorRule
 from rf_pointing.core import JointReading, PointingError, Target
 from rf_pointing.station.campaign.log import CalibrationLog
 
@@ -75,6 +76,30 @@ def test_a_row_is_the_encoders_with_the_error_against_the_direct_or_the_other_an
     assert row.sigma_elevation_rad[0] == pytest.approx(math.sqrt(9e-10 + SIGMA_RAD**2))
     assert row.range_m[0] == pytest.approx(1e6 - 1500.0)
     assert row.range_rate_m_s[0] == pytest.approx(-5e3 + 3.0)
+
+
+def test_a_campaign_that_begins_with_a_temperature_stores_one_with_every_row(tmp_path: Path) -> None:
+    journal = ObservationJournal(tmp_path / "points.csv", "Mine", "X")
+    collected = collecting(journal=journal)
+    collected.take_temperature(BEGIN_S, 290.0)
+    assert feed(collected, BEGIN_S).temperature_k.tolist() == [290.0]
+    collected.take_temperature(BEGIN_S + 5.0, 291.5)
+    assert feed(collected, BEGIN_S + 5.0) is not None
+    again = collecting(journal=ObservationJournal(journal.path, "Mine", "X"))
+    assert again.observations().temperature_k.tolist() == [290.0, 291.5]
+    # A file has the column for all rows: without a thermometer the campaign waits.
+    assert feed(again, BEGIN_S + 10.0) is None
+    assert "no temperature for 3600 s, which this campaign stores" in again.reasons()
+    again.take_temperature(BEGIN_S + 11.0, 292.0)
+    assert feed(again, BEGIN_S + 12.0) is not None
+    again.take_temperature(BEGIN_S + 14.0 - 3601.0, 292.0)
+    assert feed(again, BEGIN_S + 14.0) is None
+    # Anew without one it stores none.
+    again.begin_anew("later")
+    assert feed(again, BEGIN_S + 15.0).temperature_k is None
+    again.take_temperature(BEGIN_S + 16.0, 290.0)
+    assert feed(again, BEGIN_S + 17.0).temperature_k is None
+    assert again.observations().temperature_k is None
 
 
 # When one is due

@@ -121,7 +121,7 @@ def test_limits_horizon_and_sun_are_those_in_force(page: Page) -> None:
     page.board.note_parameters("ephemeris_publisher", {"source.along_track_offset_s": 0.25})
     found = page.shown(1.0)
     assert found["station"]["limits_deg"] == pytest.approx([-220.0, 220.0, 4.0, 89.5])
-    assert found["station"]["offsets"] == {"along_s": 0.25, "cross_deg": None}
+    assert found["station"]["offsets"] == "along track 0.25 s"
     assert len(found["station"]["mask_deg"]) == 181
     sun = found["sun"]
     with pytest.raises(ValueError, match="latitude_deg"):

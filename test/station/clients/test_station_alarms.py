@@ -131,6 +131,25 @@ def test_an_antenna_that_looks_into_the_sun_is_told_and_one_beside_it_is_not(ben
         assert [row[2] for row in bench.run(25)] == told
 
 
+def test_a_permission_is_no_alarm_and_who_is_left_tells_when_the_control_unit_is_silent(
+    bench: Bench,
+) -> None:
+    sun = station_alarms.SolarDirection(CONTROLLER.sun).at(T_S + 300.0)
+    assert sun is not None
+    bench.shown["antenna"] |= {"azimuth": sun[0], "elevation": sun[1], "sun": ""}
+    bench.shown["antenna"]["sun_permit_until_t_s"] = T_S + 1000.0
+    assert [row[2] for row in bench.run(350)] == []
+    bench.shown["antenna"]["sun_permit_until_t_s"] = 0.0
+    assert [row[2] for row in bench.run(25)] == ["sun"]
+    other = station_alarms.SolarDirection(CONTROLLER.sun).at(T_S + 900.0)
+    bench.shown["antenna"] |= {"azimuth": other[0], "elevation": other[1]}
+    bench.run(1)
+    del bench.shown["antenna"]
+    told = [row for row in bench.run(270) if row[2] == "sun_ahead"]
+    assert len(told) == 1, "once, in words that stay the same"
+    assert "antenna_servo is silent" in bench.alarms.known.value("antenna.sun")
+
+
 def test_while_an_executive_with_a_way_out_is_heard_that_one_tells_and_a_silent_one_is_replaced(bench: Bench) -> None:
     for values, told in (({"alarms_sent": "0", "alarms_not_sent": "0"}, True),
                          ({"alarms_sent": "0", "alarms_not_sent": "0", "command": "no message yet"}, False)):  # fmt: skip
