@@ -1,4 +1,4 @@
-"""What `plan_passes` does for many satellites: of one antenna, and of a network of stations."""
+"""Plans of many satellites that `plan_passes` prints: of one antenna, and of a network."""
 
 import argparse
 from dataclasses import dataclass

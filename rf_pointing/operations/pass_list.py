@@ -83,13 +83,13 @@ def to_json(passes: Iterable[ScheduledPass]) -> str:
 
 def to_csv(passes: Sequence[ScheduledPass]) -> str:
     """Return the passes as a table."""
-    return table_of([row_of(item) for item in passes])
+    return table_of([row_of(item) for item in passes], "id")
 
 
-def table_of(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Return rows as CSV, with their names in the first line."""
+def table_of(rows: Sequence[Mapping[str, Any]], first: str = "name") -> str:
+    """Return rows as CSV, with their names, `first` without a row, in the first line."""
     text = io.StringIO()
-    writer = csv.DictWriter(text, list(rows[0]) if rows else ["name"], lineterminator="\n")
+    writer = csv.DictWriter(text, list(rows[0]) if rows else [first], lineterminator="\n")
     writer.writeheader()
     writer.writerows(rows)
     return text.getvalue()

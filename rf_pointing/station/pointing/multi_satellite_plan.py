@@ -168,12 +168,14 @@ class AntennaDay:
         self._least = _least(antenna.rules.mask, antenna.least_rad)
         air = RadioRefraction.standard(antenna.site.altitude_m)
         self._issued = _Certificates(antenna, air, self._span, max_age_s, self.wish_of)
-        found = find_catalogue_passes(
-            [wish.target for wish in wishes if isinstance(wish.target, Elements)], antenna.site, start_t_s, duration_s,
-            self._least, refraction=air, max_age_s=max_age_s,
-        )  # fmt: skip
-        self.unsearched = found.unsearched
-        windows = list(found.passes)
+        elements = [wish.target for wish in wishes if isinstance(wish.target, Elements)]
+        windows, self.unsearched = list[CataloguePass](), tuple[tuple[Elements, str], ...]()
+        # The search of a catalogue is for a month at most; one of a body has no such end.
+        if elements:
+            found = find_catalogue_passes(
+                elements, antenna.site, *self._span, self._least, refraction=air, max_age_s=max_age_s
+            )
+            windows, self.unsearched = list(found.passes), found.unsearched
         for wish in wishes:
             if not isinstance(wish.target, Elements):
                 windows += self._issued.passes(wish.target, start_t_s, duration_s, self._least)
@@ -487,10 +489,16 @@ def _least(mask: HorizonMask, least_rad: float) -> float | Horizon:
     return mask.above(least_rad)
 
 
-def _turns(window: CataloguePass, limits: AxisLimits) -> tuple[tuple[Pair, Pair], ...]:
+def turns_of(
+    limits: AxisLimits, path: tuple[float, float, float, float], elevations: Pair
+) -> tuple[tuple[Pair, Pair], ...]:
     """Return where the axes begin and end a pass on each turn of the travel."""
-    elevations = window.aos_elevation_rad, window.los_elevation_rad
-    begin, _, _, end = window.azimuth_path_rad
     # A pass that fits no turn waits at a stop or unwinds: it ends on any turn, as its certificate.
-    rises, sets = (_on_every_turn(limits, *place) for place in zip((begin, end), elevations, strict=True))
-    return turns_within(limits, window.azimuth_path_rad, elevations) or tuple(itertools.product(rises, sets))
+    ends = ((path[0], elevations[0]), (path[3], elevations[1]))
+    rises, sets = (_on_every_turn(limits, *place) for place in ends)
+    return turns_within(limits, path, elevations) or tuple(itertools.product(rises, sets))
+
+
+def _turns(window: CataloguePass, limits: AxisLimits) -> tuple[tuple[Pair, Pair], ...]:
+    elevations = window.aos_elevation_rad, window.los_elevation_rad
+    return turns_of(limits, window.azimuth_path_rad, elevations)

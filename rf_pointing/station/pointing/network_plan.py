@@ -19,7 +19,7 @@ import numpy as np
 from rf_pointing.core.dates import DAY_S
 from rf_pointing.core.types import Array
 from rf_pointing.ephemeris import CataloguePass
-from rf_pointing.planning import Candidate, turns_within
+from rf_pointing.planning import Candidate
 from rf_pointing.planning.network import Option, Owed, Programme
 from rf_pointing.station.pointing.multi_satellite_plan import (
     LONG_S,
@@ -27,6 +27,7 @@ from rf_pointing.station.pointing.multi_satellite_plan import (
     DayPlan,
     PlannedAntenna,
     Wish,
+    turns_of,
 )
 
 SHORTEST_PART_S = 120.0
@@ -337,7 +338,7 @@ def _pieces(
         found.append(
             dataclasses.replace(
                 whole, aos_t_s=float(ends[number]), los_t_s=float(ends[number + 1]), share=float(shares[number]),
-                turns=turns_within(
+                turns=turns_of(
                     limits, (float(path[0]), float(path.min()), float(path.max()), float(path[-1])),
                     (float(elevation[a]), float(elevation[b])),
                 ),

@@ -119,6 +119,15 @@ def test_what_never_sets_for_all_is_handed_round_without_a_gap() -> None:
     assert turns[-1][1] - turns[0][0] > 30.0 * 3600.0 - 400.0
 
 
+def test_a_stay_that_fits_no_turn_is_tracked_as_its_certificate_unwinds() -> None:
+    limits = RULES.limits.replace(azimuth_min_rad=-math.pi, azimuth_max_rad=math.pi)
+    one = antenna(48.0, 9.0, rules=dataclasses.replace(RULES, limits=limits))
+    found = planned([Wish(target=moon())], [one], 30.0)
+    # In the south the Moon crosses the end of the travel.
+    alone = plan_day([Wish(target=moon())], one, START_S, 30.0 * 3600.0, gap_s=10.0)
+    assert len(tracked(found, 0)) == sum(item.fate is Fate.TRACKED for item in alone.passes) > 0
+
+
 def test_nothing_is_tracked_in_maintenance_and_the_other_antenna_takes_over(satellites: list[Elements]) -> None:
     closed = ((START_S + 7200.0, START_S + 18000.0),)
     wishes = [Wish(target=one) for one in satellites]
