@@ -49,6 +49,7 @@ EXECUTABLES = {
         "report",
         "station",
         "track",
+        "tune",
     ],
     "array_sensors.nodes": [
         "array_receiver",

@@ -10,7 +10,6 @@ PACKAGE = Path(__file__).parents[1] / "rf_pointing"
 ARCHITECTURE = PACKAGE.parent / "docs" / "architecture.md"
 IMPORTED_AS = {
     "erfa": "pyerfa",
-    "control": "python-control",
     "astropy_iers_data": "astropy-iers-data",
     "yaml": "PyYAML",
     "serial": "pyserial",
@@ -49,7 +48,7 @@ ALLOWED_THIRD_PARTY = {
     **dict.fromkeys(CORE_OF_ARRAYS, SIBLING),
     "array_sensors/report": COMPOSED | {"matplotlib", "rosbags"},
     "array_sensors/nodes": None,
-    "papers": COMPOSED | {"control", "matplotlib"},
+    "papers": COMPOSED | {"matplotlib"},
 }
 LIVE = "api/live.py"
 """The part of the front door that needs ROS; it is imported when it is called."""

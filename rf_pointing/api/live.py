@@ -18,13 +18,14 @@ from rf_pointing_msgs.action import TrackPass
 
 from rf_pointing.api.requests import CalibrateRequest, IdentifyRequest, RunRequest, TrackRequest
 from rf_pointing.api.target import Target
+from rf_pointing.api.tuning import tune
 from rf_pointing.core import MDEG, Sensor
 from rf_pointing.core.checks import id_of
 from rf_pointing.core.dates import utc_text
 from rf_pointing.ephemeris import Pass, tle_lines
 from rf_pointing.identification import Recording
 from rf_pointing.identification.study import study
-from rf_pointing.planning.forbidden_sky import horizon_to_notes
+from rf_pointing.planning.horizon import horizon_to_notes
 from rf_pointing.ros.campaign_run import CalibrationOutcome, CalibrationRun
 from rf_pointing.ros.experiment_run import EndedEarlyError, ExperimentRun
 from rf_pointing.ros.graph import (
@@ -206,7 +207,6 @@ def identify(request: IdentifyRequest) -> IdentifyResult:
     from rf_pointing.report.identification_report import (
         error_table,
         save_recordings,
-        tuning_block,
         write_identification,
     )
 
@@ -241,8 +241,14 @@ def identify(request: IdentifyRequest) -> IdentifyResult:
     text = f"{params.kind} input, {request.sequences} sequences of {params.samples}"
     write_identification(output, studies, text)
     say("identify_antenna", f"models {output / 'models.json'}, pictures and errors in the same folder")
+    try:
+        tuning = tune(request.station, models=output / "models.json")
+        tuning.write(output)
+    except ValueError as error:
+        # The models are written all the same.
+        return IdentifyResult(0, recordings, f"{error_table(studies)}\n\nno loops: {error}")
     say("identify_antenna", f"loops for the station description in {output / 'loops.yaml'}")
-    return IdentifyResult(0, recordings, f"{error_table(studies)}\n\n{tuning_block(studies)}")
+    return IdentifyResult(0, recordings, f"{error_table(studies)}\n\n{tuning}\n\n{tuning.block()}")
 
 
 # The setup of a run

@@ -57,6 +57,7 @@ class StationExecutive(StationNode):
             record=self._record, report=self._report, tell=self._tell, publish=messages.AlarmTopic(self).publish,
         )  # fmt: skip
         messages.serve_alarms(self, watch.alarms)
+        messages.hear_outages(self, watch)
         self._at_cleanup.callback(watch.alarms.hooks.close)
         self._at_cleanup.callback(watch.sender.close)
         self._published_wall_s = 0.0

@@ -149,6 +149,11 @@ class AlarmBook:
         for alarm in list(self.alarms.values()):
             self._tell(alarm, t_s)
 
+    def note_of_another(self, t_s: float, event: str, name: str, level: int, message: str) -> None:
+        """Note once, in the history alone, what another node has reported."""
+        if (row := (t_s, event, name, level, message)) not in self.history:
+            self.history.append(row)
+
     def acknowledge(self, name: str, t_s: float) -> list[str]:
         """Note that an operator knows of an alarm, of all if the name is empty; return which."""
         if name and name not in self.alarms:

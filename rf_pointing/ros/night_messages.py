@@ -12,6 +12,8 @@ from rf_pointing_msgs import msg as ours
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
+from rf_pointing.core.dates import parse_utc
+from rf_pointing.operations.alarms import ERROR
 from rf_pointing.operations.night import Night, NightState
 from rf_pointing.operations.schedule import Entry
 from rf_pointing.ros import convert
@@ -28,6 +30,8 @@ from rf_pointing.station.clients.night_watch import ExecutiveParams, NightWatch
 from rf_pointing.station.clients.station_alarms import StationAlarms
 
 MOVING_RAD_S = 1e-4
+LOST_EXECUTIVE = "lost_executive"
+"""Alarm of station_alarms while an executive is silent."""
 
 
 def hear_station(node: ManagedNode, alarms: StationAlarms) -> None:
@@ -125,6 +129,19 @@ def serve_alarms(node: ManagedNode, alarms: StationAlarms) -> None:
     node.diagnostics.add_report("hooks", alarms.hooks.report)
     node.diagnostics.add_report("computer", alarms.computer)
     node.serve_action(Trigger, "~/test_alarms", lambda _: alarms.test(node.now_s()))
+
+
+def hear_outages(node: ManagedNode, watch: NightWatch) -> None:
+    """Note when this executive itself was lost, as station_alarms has reported it meanwhile."""
+
+    def take(message: DiagnosticArray) -> None:
+        for status in message.status:
+            values = {each.key: each.value for each in status.values}
+            if status.name == LOST_EXECUTIVE and (event := values.get("event")) in ("raised", "cleared"):
+                t_s = parse_utc(values.get("utc", ""))
+                watch.night.book.note_of_another(t_s, event, LOST_EXECUTIVE, ERROR, status.message)
+
+    node.listen(DiagnosticArray, ALARM_TOPIC, take, STATUS)
 
 
 class AlarmTopic:

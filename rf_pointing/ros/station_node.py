@@ -151,6 +151,9 @@ class ClockWatch:
             # A message of a moment when the sender was busy says nothing.
             if len(recent) >= CLOCK_LEAST:
                 offsets_s[name] = -min(recent)
+        # Its own messages, of the same clock, are as late as this node takes any.
+        delay_s = max(0.0, -offsets_s.pop(self._node.get_name(), 0.0))
+        offsets_s = {name: max(each_s, min(each_s + delay_s, 0.0)) for name, each_s in offsets_s.items()}
         values = {f"offset_ms {name}": round(1e3 * offset_s, 1) for name, offset_s in sorted(offsets_s.items())}
         worst_s = max(map(abs, offsets_s.values()), default=0.0)
         if worst_s < CLOCK_WARN_S:

@@ -22,6 +22,7 @@ from rf_pointing_msgs.msg import (
 from rf_pointing_msgs.srv import ChangeSchedule, Named
 
 from rf_pointing.core import JointReading
+from rf_pointing.core.dates import utc_text
 from rf_pointing.nodes.pointing_controller import PointingControllerNode
 from rf_pointing.nodes.station_executive import StationExecutive
 from rf_pointing.operations import AlarmParams
@@ -192,13 +193,22 @@ def test_a_night_is_a_goal_with_feedback_and_a_result_and_its_report_is_written(
     goal = bench.goal("run_schedule", RunSchedule.Goal(passes=LIST))
     assert bench.goal("run_schedule", RunSchedule.Goal(passes=LIST)) is None
     bench.run(1.2)
+    # What station_alarms has reported while this executive was away, also twice.
+    for event in ("raised", "cleared", "raised", "cleared"):
+        utc = utc_text(NOW_S - 60.0 + 30.0 * (event == "cleared"))
+        values = [KeyValue(key="event", value=event), KeyValue(key="utc", value=utc)]
+        status = DiagnosticStatus(name="lost_executive", message="station_executive has been silent", values=values)
+        bench.give("alarms", DiagnosticArray(status=[status]))
     assert (goal.feedback[-1].state, goal.feedback[-1].passes_left) == ("running", 2)
     assert goal.cancel()
     bench.run(0.4)
     assert (goal.end, goal.result.success) == ("canceled", True)
     (report,) = tmp_path.glob("report-*/night.json")
     assert goal.result.report == str(report.parent)
-    assert {"disk", "inputs"} <= set(json.loads(report.read_text())["health"])
+    night = json.loads(report.read_text())
+    assert {"disk", "inputs"} <= set(night["health"])
+    away = [each for each in night["alarms"] if each["name"] == "lost_executive"]
+    assert [each["until_t_s"] - each["raised_t_s"] for each in away] == [30.0]
     assert goal.cancel(), "it has ended meanwhile"
 
 

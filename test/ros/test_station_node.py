@@ -158,3 +158,7 @@ def test_a_clock_that_differs_is_named_with_its_size_and_delays_are_none(make_be
         bench.wait(CLOCK_AGE_S + 1.0)
         levels.append(give(**offsets_s).level)
     assert levels == [ERROR, WARN, OK]
+    # This node takes all of them late, its own as well.
+    bench.wait(CLOCK_AGE_S + 1.0)
+    health = give(pointing_controller=-0.15, same_computer=-0.16, ahead=0.05)
+    assert health.values == {"offset_ms ahead": "49.0", "offset_ms same_computer": "-10.0"}

@@ -30,7 +30,7 @@ COLUMNS = ("utc", "target", "azimuth_offset_deg", "elevation_offset_deg")
 SIGMA = "sigma_deg"
 FOUND_WITHIN = 0.1
 """Accuracy of a row without a sigma, in beamwidths: that of a peak found by hand."""
-LARGEST_DEG = 11.0
+LARGEST_DEG, FAR_M = 11.0, 1e16
 OFFSETS = ("azimuth_offset", "elevation_offset")
 TILT = ("mislevel_east", "mislevel_north")
 BENDING = ("collimation", "droop")
@@ -74,13 +74,16 @@ def read_offsets(
             rows.append((t_s, *_motion(tracks[target], t_s), *np.radians(offset), sigma))
         except ValueError as error:
             raise ValueError(f"{path}, line {number}: {error}") from None
-    t_s, azimuth, elevation, *motion, azimuth_offset, elevation_offset, sigma = np.array(sorted(rows)).T
+    t_s, azimuth, elevation, *motion, range_m, range_rate_m_s, azimuth_offset, elevation_offset, sigma = np.array(
+        sorted(rows)
+    ).T
     return Observations(
         station=station, band=band, t_s=t_s, pass_id=np.arange(len(t_s)),
         observed_azimuth_rad=azimuth + azimuth_offset, observed_elevation_rad=elevation + elevation_offset,
         true_azimuth_rad=azimuth, true_elevation_rad=elevation, azimuth_rate_rad_s=motion[0],
         elevation_rate_rad_s=motion[1], azimuth_acceleration_rad_s2=motion[2], elevation_acceleration_rad_s2=motion[3],
         sigma_azimuth_rad=sigma / np.maximum(np.cos(elevation), 1e-3), sigma_elevation_rad=sigma,
+        range_m=range_m, range_rate_m_s=range_rate_m_s,
     )  # fmt: skip
 
 
@@ -114,11 +117,14 @@ def _source(elements: Sequence[Elements], target: str) -> Elements | TargetSourc
 def _motion(track: TopocentricTrack, t_s: float) -> list[float]:
     look = track.sample([t_s])
     names = ("azimuth", "elevation")
+    # No error of an orbit moves a star.
+    far = track.target.at_infinity
+    place = [FAR_M, 0.0] if far else [float(look.range_m[0]), float(look.range_rate_m_s[0])]
     return [
         float(getattr(look, f"{axis}{ending}")[0])
         for ending in ("_rad", "_rate_rad_s", "_acceleration_rad_s2")
         for axis in names
-    ]
+    ] + place
 
 
 def _number(row: dict[str, str], name: str) -> float:
