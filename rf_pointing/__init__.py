@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from rf_pointing.api.calibration import Fit, fit
+    from rf_pointing.api.network import NetworkPlan, plan_network
     from rf_pointing.api.passes import Look, PassCertificate, StationPass
     from rf_pointing.api.plan import Plan
     from rf_pointing.api.recording import Recording
@@ -26,6 +27,7 @@ _HOMES = {
     "Fit": "api.calibration",
     "Look": "api.passes",
     "ModelVersion": "calibration.model_file",
+    "NetworkPlan": "api.network",
     "Observations": "calibration.observations",
     "PassCertificate": "api.passes",
     "Plan": "api.plan",
@@ -38,14 +40,15 @@ _HOMES = {
     "catalogue": "api.target",
     "elements": "api.target",
     "fit": "api.calibration",
+    "plan_network": "api.network",
     "read_model": "calibration.model_file",
     "tune": "api.tuning",
 }
 """Every public name, and the module that it is loaded from."""
 __all__ = [
-    "BiasModel", "Fit", "Look", "ModelVersion", "Observations", "PassCertificate", "Plan", "Recording",
-    "SimulatedPass", "Station", "StationPass", "Target", "Tuning", "catalogue", "elements", "fit",
-    "read_model", "tune",
+    "BiasModel", "Fit", "Look", "ModelVersion", "NetworkPlan", "Observations", "PassCertificate",
+    "Plan", "Recording", "SimulatedPass", "Station", "StationPass", "Target", "Tuning", "catalogue",
+    "elements", "fit", "plan_network", "read_model", "tune",
 ]  # fmt: skip
 
 if not TYPE_CHECKING:

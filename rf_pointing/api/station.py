@@ -27,7 +27,7 @@ from rf_pointing.station.campaign.calibrator import CalibratorParams
 from rf_pointing.station.clients.scan_samples import ScanSamples
 from rf_pointing.station.description import DEFAULT_STATION, StationDescription, read_station
 from rf_pointing.station.pointing.certificates import PlannedPass, PlanningRules, planned_certificate
-from rf_pointing.station.pointing.multi_satellite_plan import plan_day
+from rf_pointing.station.pointing.multi_satellite_plan import PlannedAntenna, Wish, plan_day
 from rf_pointing.station.pointing.params import ControllerParams
 from rf_pointing.tracking.power_tracker import CarrierTracker
 from rf_pointing.tracking.scan_program import ScanProgramParams
@@ -290,20 +290,21 @@ class Station:
             No target, or what `passes` refuses.
         """
         wishes = [target.wish() for target in targets]
-        if not wishes:
-            raise ValueError("targets: give at least one satellite")
-        length_s, begin_s = span_s(hours, days), time_s("start", start, start_t_s)
-        if begin_s is None:
-            now_s = time.time()
-            epochs = [wish.target.epoch_t_s for wish in wishes if isinstance(wish.target, Elements)]
-            newest_s = max(epochs, default=now_s)
-            begin_s = now_s if abs(now_s - newest_s) <= MAX_AGE_S - length_s else newest_s
-        least_rad = angle_rad("mask", mask_deg, mask_rad, self.lowest_rad)
-        day = plan_day(
-            wishes, self.site, begin_s, length_s, self.rules, self.start_rad, least_rad, gap_s=gap_s,
-            max_age_s=MAX_AGE_S,
-        )  # fmt: skip
-        return Plan(self, day)
+        for wish in wishes:
+            if wish.band or wish.contact_s:
+                raise ValueError(f"band and contact of {wish.target.name} are of a plan of a network: give stations")
+        length_s = span_s(hours, days)
+        begin_s = begin_of_plan(wishes, time_s("start", start, start_t_s), length_s)
+        antenna = self.antenna(angle_rad("mask", mask_deg, mask_rad, self.lowest_rad))
+        return Plan(self, plan_day(wishes, antenna, begin_s, length_s, gap_s=gap_s, max_age_s=MAX_AGE_S))
+
+    def antenna(self, least_rad: float, **more: Any) -> PlannedAntenna:
+        """Return the antenna as plans take it; passes begin and end above `least_rad`."""
+        return PlannedAntenna(site=self.site, rules=self.rules, encoder_rad=self.start_rad, least_rad=least_rad, **more)
+
+    def in_band(self, band: str) -> "Station":
+        """Return the same station in another of its bands."""
+        return self if band == self.band else Station(self.description, band, model=self._model)
 
     def link_budget(self, one: StationPass | None = None) -> LinkBudgetTable:
         """Return noise, G/T and C/N0 of the band over elevation, or along a pass.
@@ -448,3 +449,17 @@ class Station:
         # Not at the top: the rest of the front door does without ROS.
         live, requests = (importlib.import_module(f"rf_pointing.api.{name}") for name in ("live", "requests"))
         return live.track(requests.TrackRequest(station=self, target=one.target, chosen=one.window, **options))
+
+
+def begin_of_plan(wishes: Sequence[Wish], given_s: float | None, length_s: float) -> float:
+    """Return when a plan begins: where given, else now or at the newest epoch of old elements.
+
+    Raises ValueError without a target.
+    """
+    if not wishes:
+        raise ValueError("targets: give at least one satellite")
+    if given_s is not None:
+        return given_s
+    now_s = time.time()
+    newest_s = max((wish.target.epoch_t_s for wish in wishes if isinstance(wish.target, Elements)), default=now_s)
+    return now_s if abs(now_s - newest_s) <= MAX_AGE_S - length_s else newest_s
