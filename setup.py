@@ -47,8 +47,10 @@ EXECUTABLES = {
         "plan_calibration",
         "plan_passes",
         "report",
+        "scan",
         "station",
         "track",
+        "tune",
     ],
     "array_sensors.nodes": [
         "array_receiver",

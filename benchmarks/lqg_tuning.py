@@ -8,21 +8,30 @@ per axis.  Run from the repository: `scripts/run-python -m benchmarks.lqg_tuning
 """
 
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from scipy.optimize import minimize
 
-import rf_pointing.papers.design_lqg as designer
 from benchmarks.servo_tuning import VARIATIONS
-from rf_pointing.controllers import TUNED_RADIO_BANDWIDTH_HZ, LqgDesign
-from rf_pointing.controllers.lqg import LqgWeights
+from rf_pointing.controllers import TUNED_RADIO_BANDWIDTH_HZ, LawMatrices, LqgDesign
+from rf_pointing.controllers.filters import SectionParams
+from rf_pointing.controllers.lqg import LqgWeights, law_matrices
+from rf_pointing.controllers.lqg_design import design_lqg, drive_of, lqg_gains, save_lqg_designs
 from rf_pointing.core import AXES
 from rf_pointing.identification import STRAIGHT, ExcitationParams, StateSpace
 from rf_pointing.identification.identify import identify
 from rf_pointing.papers.servo_identification import record
-from rf_pointing.papers.servo_sampled import AxisResponse, LawResponse, LoopQuality, loop_quality, published_radio
+from rf_pointing.papers.servo_sampled import (
+    LawResponse,
+    LoopQuality,
+    loop_quality,
+    published_radio,
+    sampled_axis,
+)
 from rf_pointing.servo import dss13_plant
+from rf_pointing.station.antenna.axis_response import AxisResponse
 
 PEAK, HIGH_GAIN, HIGH_HZ = 1.95, 25.0, 5.0
 SEQUENCES, SEED = 8, 1
@@ -44,19 +53,34 @@ def weights(values: np.ndarray) -> LqgWeights:
 
 
 def design(model: StateSpace, values: np.ndarray) -> LqgDesign:
-    return designer.design_lqg(model.a, model.b, model.c, model.d, model.sample_s, weights(values))
+    return design_lqg(model.a, model.b, model.c, model.d, model.sample_s, weights(values))
 
 
-def judge(law: LqgDesign, responses: list[AxisResponse]) -> tuple[list[LoopQuality], float]:
+@dataclass(frozen=True)
+class Trial:
+    """A law without the margins on its model, which cost ten times the rest of a design."""
+
+    weights: LqgWeights
+    drive: tuple[float, float]
+
+    @property
+    def notch(self) -> SectionParams:
+        return self.weights.notch
+
+    def matrices(self, sample_s: float) -> LawMatrices:
+        return law_matrices(lqg_gains(*self.drive, sample_s, self.weights), self.weights, sample_s)
+
+
+def judge(law: LqgDesign | Trial, responses: list[AxisResponse]) -> tuple[list[LoopQuality], float]:
     """Return the qualities on every antenna and the largest gain of the law from 5 Hz on."""
     response = LawResponse(law)
     found = [loop_quality(antenna, response, published_radio(TUNED_RADIO_BANDWIDTH_HZ), 8.0) for antenna in responses]
     return found, float(np.max(np.abs(response.gain[responses[0].frequency_hz >= HIGH_HZ])))
 
 
-def cost(values: np.ndarray, model: StateSpace, responses: list[AxisResponse]) -> float:
+def cost(values: np.ndarray, drive: tuple[float, float], responses: list[AxisResponse]) -> float:
     try:
-        found, high = judge(design(model, values), responses)
+        found, high = judge(Trial(weights(values), drive), responses)
     except (ValueError, np.linalg.LinAlgError):
         return 1e3
     unstable = sum(not quality.stable for quality in found)
@@ -68,13 +92,11 @@ def cost(values: np.ndarray, model: StateSpace, responses: list[AxisResponse]) -
 
 def tune(number: int) -> LqgDesign:
     model = identified(AXES[number])
-    responses = [AxisResponse(dss13_plant(ideal=True), number, variation) for variation in VARIATIONS]
-    values, margins = np.log(STARTS[number]), designer._margins
-    designer._margins = lambda *_: (1.0, 1.0, 1.0)  # ten times the rest of a design; taken once, at the end
+    responses = [sampled_axis(dss13_plant(ideal=True), number, variation) for variation in VARIATIONS]
+    values, drive = np.log(STARTS[number]), drive_of(model.a, model.b, model.c, model.sample_s)
     for _ in range(5):
         options = {"maxfev": 400, "xatol": 1e-3, "fatol": 1e-6}
-        values = minimize(cost, values, (model, responses), method="Nelder-Mead", options=options).x
-    designer._margins = margins
+        values = minimize(cost, values, (drive, responses), method="Nelder-Mead", options=options).x
     law = design(model, values)
     report(AXES[number], law, *judge(law, responses))
     return law
@@ -93,7 +115,7 @@ def report(axis: str, law: LqgDesign, found: list[LoopQuality], high: float) -> 
 
 def main() -> None:
     azimuth, elevation = (tune(number) for number in (0, 1))
-    designer.save_lqg_designs(TARGET, azimuth, elevation)
+    save_lqg_designs(TARGET, azimuth, elevation)
 
 
 if __name__ == "__main__":

@@ -51,7 +51,7 @@ WALL_TIME = (
 )  # fmt: skip
 MINUTES = (
     "array_trials", "ephemeris_accuracy", "ephemeris_trials", "lock_watch", "lqg_tuning", "mutants", "plant_tuning",
-    "scanning_campaigns", "servo_tuning", "strong_carriers",
+    "scanning_campaigns", "scans", "servo_tuning", "strong_carriers",
     "zenith_passes",
 )  # fmt: skip
 PARTS = ("launched_station", "live_night", "night_simulation", "real_station")

@@ -15,14 +15,14 @@ from scipy.optimize import minimize
 
 from rf_pointing.controllers import PositionLoopParams
 from rf_pointing.papers.servo_sampled import (
-    AxisResponse,
     LawResponse,
     LoopQuality,
-    Variation,
     loop_quality,
     published_radio,
+    sampled_axis,
 )
 from rf_pointing.servo import dss13_plant
+from rf_pointing.station.antenna.axis_response import AxisResponse, Variation
 
 PEAK, HIGH_GAIN = 1.95, 25.0
 VARIATIONS = [Variation()]
@@ -70,7 +70,7 @@ def cost(values: np.ndarray, responses: list[AxisResponse], radio_hz: float) -> 
 
 
 def tune(axis: int, radio_hz: float, start: np.ndarray) -> np.ndarray:
-    responses = [AxisResponse(dss13_plant(ideal=True), axis, variation) for variation in VARIATIONS]
+    responses = [sampled_axis(dss13_plant(ideal=True), axis, variation) for variation in VARIATIONS]
     values = start
     for _ in range(3):
         options = {"maxfev": 350, "xatol": 1e-3, "fatol": 1e-4}

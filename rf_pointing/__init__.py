@@ -9,12 +9,14 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from rf_pointing.api.calibration import Fit, fit
+    from rf_pointing.api.network import NetworkPlan, plan_network
     from rf_pointing.api.passes import Look, PassCertificate, StationPass
     from rf_pointing.api.plan import Plan
     from rf_pointing.api.recording import Recording
     from rf_pointing.api.simulated import SimulatedPass
     from rf_pointing.api.station import Station
     from rf_pointing.api.target import Target, catalogue, elements
+    from rf_pointing.api.tuning import Tuning, tune
     from rf_pointing.calibration.bias_model import BiasModel
     from rf_pointing.calibration.model_file import ModelVersion, read_model
     from rf_pointing.calibration.observations import Observations
@@ -25,6 +27,7 @@ _HOMES = {
     "Fit": "api.calibration",
     "Look": "api.passes",
     "ModelVersion": "calibration.model_file",
+    "NetworkPlan": "api.network",
     "Observations": "calibration.observations",
     "PassCertificate": "api.passes",
     "Plan": "api.plan",
@@ -33,15 +36,19 @@ _HOMES = {
     "Station": "api.station",
     "StationPass": "api.passes",
     "Target": "api.target",
+    "Tuning": "api.tuning",
     "catalogue": "api.target",
     "elements": "api.target",
     "fit": "api.calibration",
+    "plan_network": "api.network",
     "read_model": "calibration.model_file",
+    "tune": "api.tuning",
 }
 """Every public name, and the module that it is loaded from."""
 __all__ = [
-    "BiasModel", "Fit", "Look", "ModelVersion", "Observations", "PassCertificate", "Plan", "Recording",
-    "SimulatedPass", "Station", "StationPass", "Target", "catalogue", "elements", "fit", "read_model",
+    "BiasModel", "Fit", "Look", "ModelVersion", "NetworkPlan", "Observations", "PassCertificate",
+    "Plan", "Recording", "SimulatedPass", "Station", "StationPass", "Target", "Tuning", "catalogue",
+    "elements", "fit", "plan_network", "read_model", "tune",
 ]  # fmt: skip
 
 if not TYPE_CHECKING:

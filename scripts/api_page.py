@@ -32,6 +32,8 @@ This page is made from the docstrings: `scripts/run-python scripts/api_page.py >
 GROUPS = {
     "Station and targets": ("Station", "elements", "catalogue", "Target"),
     "What a station gives": ("StationPass", "PassCertificate", "Plan", "Look", "SimulatedPass"),
+    "A network of stations": ("plan_network", "NetworkPlan"),
+    "Loops": ("tune", "Tuning"),
     "Recordings and calibration": (
         "Recording",
         "fit",

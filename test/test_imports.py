@@ -48,7 +48,7 @@ def test_a_node_loads_no_library_that_a_pass_does_not_need(node: str) -> None:
 def test_a_package_gives_its_exports_at_first_use_and_refuses_another_name() -> None:
     from rf_pointing import planning
 
-    assert planning.HorizonMask.__module__ == "rf_pointing.planning.forbidden_sky"
+    assert planning.HorizonMask.__module__ == "rf_pointing.planning.horizon"
     with pytest.raises(AttributeError, match="module 'rf_pointing.planning' has no attribute 'HorizonMusk'"):
         _ = planning.HorizonMusk
 

@@ -10,7 +10,6 @@ PACKAGE = Path(__file__).parents[1] / "rf_pointing"
 ARCHITECTURE = PACKAGE.parent / "docs" / "architecture.md"
 IMPORTED_AS = {
     "erfa": "pyerfa",
-    "control": "python-control",
     "astropy_iers_data": "astropy-iers-data",
     "yaml": "PyYAML",
     "serial": "pyserial",
@@ -27,6 +26,7 @@ SIBLINGS = {
     "calibration": SIBLING | {"yaml"},
     "planning": SIBLING,
     "identification": SIBLING,
+    "radiometry": SIBLING,
     "operations": {"icalendar"},
     "drives": BASE | {"serial"},
     # The last two are optional: their sources say what to install.
@@ -49,7 +49,7 @@ ALLOWED_THIRD_PARTY = {
     **dict.fromkeys(CORE_OF_ARRAYS, SIBLING),
     "array_sensors/report": COMPOSED | {"matplotlib", "rosbags"},
     "array_sensors/nodes": None,
-    "papers": COMPOSED | {"control", "matplotlib"},
+    "papers": COMPOSED | {"matplotlib"},
 }
 LIVE = "api/live.py"
 """The part of the front door that needs ROS; it is imported when it is called."""
@@ -62,6 +62,8 @@ ALLOWED_ROOMS = {
     "operations": {"core", "planning"},
     # Noise and level as the simulated receiver has them.
     "receiver": {"core", "rf"},
+    # Fluxes of bodies and patterns of beams are those of the link budget.
+    "radiometry": {"core", "rf"},
     "station": {"core", *SIBLINGS},
     "simulation": {"core", "station", *SIBLINGS},
     "report": {"core", "station", "simulation", *SIBLINGS},

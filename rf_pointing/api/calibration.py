@@ -54,11 +54,15 @@ class DataFiles:
         """Return the data of all files as those of a station; ValueError names what is wrong."""
         tables = [path for path in self.paths if path.is_file() and path.suffix in TABULAR]
         offsets = [path for path in tables if path.suffix == ".csv" and offset_table.holds_offsets(path)]
-        if offsets:
-            return self._offsets(offsets, station)
-        of_points = [path for path in tables if path.suffix == ".csv" and recorded_input.holds_points(path)]
-        points = recorded_input.read_points(of_points)
-        raw = [one for path in tables if path not in of_points for one in recorded_input.read_raw(path, station.band)]
+        rows = self._offsets(offsets, station) if offsets else None
+        if rows is not None and len(offsets) == len(self.paths):
+            # Nothing measures the orbits of single rows.
+            alone = replace(rows, range_m=None, range_rate_m_s=None)
+            return FitData(alone, [], offered=offset_table.terms_of_offsets(alone))
+        others = [path for path in tables if path not in offsets]
+        of_points = [path for path in others if path.suffix == ".csv" and recorded_input.holds_points(path)]
+        points = _joined(recorded_input.read_points(of_points), rows)
+        raw = [one for path in others if path not in of_points for one in recorded_input.read_raw(path, station.band)]
         if self.time_error_s:
             raw = [replace(one, t_s=one.t_s - self.time_error_s) for one in raw]
         passes = [TrackedPass(one, self._reference(one, station), self.ionosphere) for one in raw]
@@ -67,9 +71,7 @@ class DataFiles:
                 passes += self._recorded(path, station)
         return FitData(points, passes, recorded=len(tables) < len(self.paths))
 
-    def _offsets(self, paths: Sequence[Path], station: Station) -> FitData:
-        if len(paths) < len(self.paths):
-            raise ValueError(f"{paths[0]} is a table of offsets: it is fitted alone, not with other data")
+    def _offsets(self, paths: Sequence[Path], station: Station) -> Observations:
         parts = [
             offset_table.read_offsets(
                 path, station.name, station.band, station.site, math.radians(station.beamwidth_deg), self.elements,
@@ -78,8 +80,7 @@ class DataFiles:
             for path in paths
         ]  # fmt: skip
         points = Observations.concatenate(parts)
-        points = replace(points, pass_id=np.arange(len(points)))
-        return FitData(points, [], offered=offset_table.terms_of_offsets(points))
+        return replace(points, pass_id=np.arange(len(points)))
 
     def _reference(self, raw: calibration.RawTracking, station: Station) -> calibration.ReferenceTrack:
         if not self.elements:
@@ -97,6 +98,16 @@ class DataFiles:
             largest_error_rad=limit_rad, allow_damage=self.allow_damage,
         )  # fmt: skip
         return [TrackedPass(raw, reference, self.ionosphere) for raw, reference in recorded]
+
+
+def _joined(points: Observations | None, rows: Observations | None) -> Observations | None:
+    """Return points and rows of offsets as one, each row a pass of its own."""
+    if points is None or rows is None:
+        return rows if points is None else points
+    rows = replace(rows, pass_id=rows.pass_id + int(np.max(points.pass_id)) + 1)
+    if points.range_m is None or points.range_rate_m_s is None:
+        rows = replace(rows, range_m=None, range_rate_m_s=None)
+    return Observations.concatenate([points, rows])
 
 
 @dataclass(frozen=True, eq=False)

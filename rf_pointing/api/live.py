@@ -17,15 +17,19 @@ import yaml
 from rf_pointing_msgs.action import TrackPass
 
 from rf_pointing.api.requests import CalibrateRequest, IdentifyRequest, RunRequest, TrackRequest
+from rf_pointing.api.scan import ScanRequest
+from rf_pointing.api.station import Station
 from rf_pointing.api.target import Target
+from rf_pointing.api.tuning import tune
 from rf_pointing.core import MDEG, Sensor
 from rf_pointing.core.checks import id_of
 from rf_pointing.core.dates import utc_text
 from rf_pointing.ephemeris import Pass, tle_lines
 from rf_pointing.identification import Recording
 from rf_pointing.identification.study import study
-from rf_pointing.planning.forbidden_sky import horizon_to_notes
+from rf_pointing.planning.horizon import horizon_to_notes
 from rf_pointing.ros.campaign_run import CalibrationOutcome, CalibrationRun
+from rf_pointing.ros.convert_goals import scan_to_message
 from rf_pointing.ros.experiment_run import EndedEarlyError, ExperimentRun
 from rf_pointing.ros.graph import (
     ARRAY_GRAPH,
@@ -38,6 +42,8 @@ from rf_pointing.ros.graph import (
     with_trackers,
 )
 from rf_pointing.ros.live_pass import outcome_line, track_pass
+from rf_pointing.ros.live_scan import LiveScan
+from rf_pointing.ros.station_client import StationClient
 from rf_pointing.ros.station_run import RunSetup, StationRun, parameter_file, run_to_end
 from rf_pointing.station.antenna.memory import state_files, state_folder
 from rf_pointing.station.campaign.calibrator import journal_of
@@ -113,6 +119,33 @@ def prepare_track(request: TrackRequest) -> Flight:
 def track(request: TrackRequest) -> TrackResult:
     """Track one pass with the whole graph; record it and report on it."""
     return prepare_track(request).fly()
+
+
+def scan(
+    client: StationClient, target: str, *, station: str = "", output: Path | None = None,
+    table: Path | None = None, **pattern: Any,
+) -> bool:  # fmt: skip
+    """Scan with a station that runs, and say what was found; return whether it is complete.
+
+    `station` is its description where that of its nodes is not on this computer; `pattern` are
+    fields of `ScanRequest`.  The result is kept in `output`, its offsets in the `table`.
+    """
+    of_node = partial(client.parameter, "pointing_controller")
+    elements = client.parameter("ephemeris_publisher", "source.elements")
+    live = LiveScan(client)
+    client.until(lambda: live.client.server_is_ready() and live.now_s is not None, "scan")
+    mine = Station(station or of_node("station"), of_node("band") or None, model=live.model)
+    sought = Target(location=elements or "", satellite=target)
+    request = ScanRequest(station=mine, target=sought, **pattern)
+    assert live.now_s is not None
+    goal = scan_to_message(request.program(live.now_s), satellite=target)
+    ended = live.result(live.begin(goal))
+    client.say(ended.message)
+    if not ended.success:
+        return False
+    found = request.result(live.samples)
+    found.keep(output, table)
+    return True
 
 
 @dataclass(frozen=True)
@@ -206,7 +239,6 @@ def identify(request: IdentifyRequest) -> IdentifyResult:
     from rf_pointing.report.identification_report import (
         error_table,
         save_recordings,
-        tuning_block,
         write_identification,
     )
 
@@ -241,8 +273,14 @@ def identify(request: IdentifyRequest) -> IdentifyResult:
     text = f"{params.kind} input, {request.sequences} sequences of {params.samples}"
     write_identification(output, studies, text)
     say("identify_antenna", f"models {output / 'models.json'}, pictures and errors in the same folder")
+    try:
+        tuning = tune(request.station, models=output / "models.json")
+        tuning.write(output)
+    except ValueError as error:
+        # The models are written all the same.
+        return IdentifyResult(0, recordings, f"{error_table(studies)}\n\nno loops: {error}")
     say("identify_antenna", f"loops for the station description in {output / 'loops.yaml'}")
-    return IdentifyResult(0, recordings, f"{error_table(studies)}\n\n{tuning_block(studies)}")
+    return IdentifyResult(0, recordings, f"{error_table(studies)}\n\n{tuning}\n\n{tuning.block()}")
 
 
 # The setup of a run

@@ -4,8 +4,6 @@ Every pass is listed with what becomes of it: tracked (with its branch), yields 
 why), or barred (by travel, Sun, keyhole).
 """
 
-import csv
-import io
 import json
 import math
 import time
@@ -17,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from rf_pointing.core import to_degrees
 from rf_pointing.core.dates import DAY_S, utc_text
 from rf_pointing.ephemeris.uncertainty import error_text
-from rf_pointing.operations.pass_list import read_passes, to_calendar
+from rf_pointing.operations.pass_list import read_passes, table_of, to_calendar
 from rf_pointing.operations.pass_work import tracked_in_gaps
 from rf_pointing.station.pointing.multi_satellite_plan import DayPass, DayPlan, Fate
 
@@ -74,11 +72,7 @@ class Plan:
 
     def to_csv(self) -> str:
         """Return a line for every pass, with the names of the rows in the first one."""
-        text = io.StringIO()
-        writer = csv.DictWriter(text, list(self.rows[0]) if self.rows else ["name"], lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(self.rows)
-        return text.getvalue()
+        return table_of(self.rows)
 
     def to_calendar(self, now_t_s: float | None = None) -> str:
         """Return the tracked passes as a calendar (RFC 5545), made at `now_t_s` or now."""

@@ -5,11 +5,13 @@ A list is a text file, one target a line; `#` between blanks begins a comment:
     25544, priority=5, peak=20    # ISS, passes that peak above 20 deg
     CBERS 2
     Moon, priority=-1             # in the gaps; Sun and radio sources as well
+    TERRA, band=X, contact=30     # of a network: in this band, 30 min a day at least
 """
 
 import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 from rf_pointing.api.target import Target, of_elements
 from rf_pointing.api.target import elements as elements_of
@@ -18,6 +20,8 @@ from rf_pointing.ephemeris import Elements, find_elements
 from rf_pointing.ephemeris.source import BODIES, load_catalogue
 
 PRIORITIES = (-1000, 1000)
+_NUMBERS = {"peak": ("min_peak_deg", 90.0, "deg"), "contact": ("contact_minutes", 1440.0, "min")}
+"""Numbers of a line: the field of the target, the largest value, and its unit."""
 MOST_ERRORS = 10
 """Errors of one list that are reported at once."""
 
@@ -45,9 +49,9 @@ def satellites(where: str, named: Sequence[str], *, min_peak_deg: float = 0.0) -
     errors: list[str] = []
     for place, text in _entries(named):
         try:
-            name, priority, peak_deg = _entry(text, min_peak_deg)
+            name, wanted = _entry(text, min_peak_deg)
             if name.casefold() in BODIES:
-                body = elements_of("", satellite=name, priority=priority, min_peak_deg=peak_deg)
+                body = elements_of("", satellite=name, **wanted)
                 if found.setdefault(body.name, body) is not body:
                     raise ValueError(f"satellite={name!r} is named twice")
                 continue
@@ -61,7 +65,7 @@ def satellites(where: str, named: Sequence[str], *, min_peak_deg: float = 0.0) -
             elements = same[0] if len(same) == 1 else find_elements(catalogue, name)
             if elements.catalogue_number in found:
                 raise ValueError(f"satellite={name!r} is named twice")
-            found[elements.catalogue_number] = of_elements(where, elements, priority=priority, min_peak_deg=peak_deg)
+            found[elements.catalogue_number] = of_elements(where, elements, **wanted)
         except ValueError as error:
             errors.append(f"{place}{error}")
     if errors:
@@ -90,22 +94,28 @@ def _entries(named: Sequence[str]) -> Iterator[tuple[str, str]]:
                 yield f"{path.name}, line {number}: ", text
 
 
-def _entry(text: str, least_peak_deg: float) -> tuple[str, int, float]:
-    """Return name or number, priority and least peak of NAME, priority=N, peak=DEG."""
+def _entry(text: str, least_peak_deg: float) -> tuple[str, dict[str, Any]]:
+    """Return name or number, and the fields of its target, of NAME, priority=N, peak=DEG, ..."""
     parts = text.split(",")
     # A name may hold commas; a part with an equals sign is an option.
     cut = next((k for k, part in enumerate(parts) if "=" in part and k > 0), len(parts))
-    priority, peak_deg = 0, least_peak_deg
+    wanted: dict[str, Any] = {"min_peak_deg": least_peak_deg}
     for part in parts[cut:]:
         key, _, value = (word.strip() for word in part.partition("="))
         if key == "priority":
             if not re.fullmatch(r"-?\d{1,9}", value) or not PRIORITIES[0] <= int(value) <= PRIORITIES[1]:
                 raise ValueError(f"priority={value} must be a whole number from {PRIORITIES[0]} to {PRIORITIES[1]}")
-            priority = int(value)
-        elif key == "peak":
-            if not re.fullmatch(r"\d{1,2}(\.\d*)?", value) or float(value) > 90.0:
-                raise ValueError(f"peak={value} must be a number from 0 to 90 deg")
-            peak_deg = float(value)
+            wanted["priority"] = int(value)
+        elif key in _NUMBERS:
+            name, most, unit = _NUMBERS[key]
+            if not re.fullmatch(r"\d{1,4}(\.\d*)?", value) or float(value) > most:
+                raise ValueError(f"{key}={value} must be a number from 0 to {most:g} {unit}")
+            wanted[name] = float(value)
+        elif key == "band":
+            wanted["band"] = value
         else:
-            raise ValueError(f"{part.strip()!r} is unknown: after the satellite come priority=N and peak=DEG")
-    return ",".join(parts[:cut]).strip(), priority, peak_deg
+            raise ValueError(
+                f"{part.strip()!r} is unknown: after the satellite come priority=N and peak=DEG, of a network "
+                "band=NAME and contact=MIN"
+            )
+    return ",".join(parts[:cut]).strip(), wanted

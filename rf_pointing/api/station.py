@@ -13,20 +13,24 @@ from rf_pointing.api.keywords import angle_rad, span_s, time_s
 from rf_pointing.api.link_budget import LinkBudgetTable
 from rf_pointing.api.passes import Look, PassCertificate, StationPass
 from rf_pointing.api.plan import Plan
+from rf_pointing.api.scan import ScanRequest, ScanResult, simulated
 from rf_pointing.api.simulated import SimulatedPass
 from rf_pointing.api.target import MAX_AGE_S, Target
 from rf_pointing.calibration import BiasModel, read_model
-from rf_pointing.core import require_choice
+from rf_pointing.core import Sensor, require_choice
+from rf_pointing.core.pass_outcome import SCANNED
 from rf_pointing.ephemeris import Elements, TopocentricTrack, find_passes
 from rf_pointing.ephemeris.passes import part_searched
 from rf_pointing.planning import AxisLimits
 from rf_pointing.simulation import StationSetup, simulate_pass
 from rf_pointing.station.campaign.calibrator import CalibratorParams
+from rf_pointing.station.clients.scan_samples import ScanSamples
 from rf_pointing.station.description import DEFAULT_STATION, StationDescription, read_station
 from rf_pointing.station.pointing.certificates import PlannedPass, PlanningRules, planned_certificate
-from rf_pointing.station.pointing.multi_satellite_plan import plan_day
+from rf_pointing.station.pointing.multi_satellite_plan import PlannedAntenna, Wish, plan_day
 from rf_pointing.station.pointing.params import ControllerParams
 from rf_pointing.tracking.power_tracker import CarrierTracker
+from rf_pointing.tracking.scan_program import ScanProgramParams
 
 BEFORE_S = 150.0
 """A simulation begins so long before acquisition, for the slew."""
@@ -99,6 +103,11 @@ class Station:
     def beamwidth_deg(self) -> float:
         """Half-power beamwidth of the band."""
         return math.degrees(self.controller.machine.half_power_beamwidth_rad)
+
+    @property
+    def frequency_hz(self) -> float:
+        """Frequency of the band."""
+        return 1e6 * self.description.content.bands[self.band].frequency_mhz
 
     @cached_property
     def model(self) -> BiasModel:
@@ -281,20 +290,21 @@ class Station:
             No target, or what `passes` refuses.
         """
         wishes = [target.wish() for target in targets]
-        if not wishes:
-            raise ValueError("targets: give at least one satellite")
-        length_s, begin_s = span_s(hours, days), time_s("start", start, start_t_s)
-        if begin_s is None:
-            now_s = time.time()
-            epochs = [wish.target.epoch_t_s for wish in wishes if isinstance(wish.target, Elements)]
-            newest_s = max(epochs, default=now_s)
-            begin_s = now_s if abs(now_s - newest_s) <= MAX_AGE_S - length_s else newest_s
-        least_rad = angle_rad("mask", mask_deg, mask_rad, self.lowest_rad)
-        day = plan_day(
-            wishes, self.site, begin_s, length_s, self.rules, self.start_rad, least_rad, gap_s=gap_s,
-            max_age_s=MAX_AGE_S,
-        )  # fmt: skip
-        return Plan(self, day)
+        for wish in wishes:
+            if wish.band or wish.contact_s:
+                raise ValueError(f"band and contact of {wish.target.name} are of a plan of a network: give stations")
+        length_s = span_s(hours, days)
+        begin_s = begin_of_plan(wishes, time_s("start", start, start_t_s), length_s)
+        antenna = self.antenna(angle_rad("mask", mask_deg, mask_rad, self.lowest_rad))
+        return Plan(self, plan_day(wishes, antenna, begin_s, length_s, gap_s=gap_s, max_age_s=MAX_AGE_S))
+
+    def antenna(self, least_rad: float, **more: Any) -> PlannedAntenna:
+        """Return the antenna as plans take it; passes begin and end above `least_rad`."""
+        return PlannedAntenna(site=self.site, rules=self.rules, encoder_rad=self.start_rad, least_rad=least_rad, **more)
+
+    def in_band(self, band: str) -> "Station":
+        """Return the same station in another of its bands."""
+        return self if band == self.band else Station(self.description, band, model=self._model)
 
     def link_budget(self, one: StationPass | None = None) -> LinkBudgetTable:
         """Return noise, G/T and C/N0 of the band over elevation, or along a pass.
@@ -355,10 +365,20 @@ class Station:
         ValueError
             A sensor that the band does not have, or a parameter that does not exist.
         """
-        self._require_mine(one)
         window = one.window
         if minutes is not None:
             window = dataclasses.replace(window, los_t_s=min(window.los_t_s, window.aos_t_s + 60.0 * minutes))
+        chosen = self.description.chosen_sensor(sensor, self.band)
+        setup = self._setup(one, seed, tracker, changes)
+        log = simulate_pass(setup, window, math.floor(window.aos_t_s) - BEFORE_S, chosen)
+        return SimulatedPass(one, chosen, log)
+
+    def _setup(
+        self, one: StationPass, seed: int, tracker: CarrierTracker | None,
+        changes: Mapping[str, Mapping[str, object]] | None,
+    ) -> StationSetup:  # fmt: skip
+        """Return the simulated station for a pass of its own, with its changes."""
+        self._require_mine(one)
         source = one.target.parameters
         own: dict[str, dict[str, object]] = {
             "ephemeris_publisher": source, "rf_receiver": {**source, "signal.seed": seed},
@@ -366,10 +386,54 @@ class Station:
         }  # fmt: skip
         for node, values in (changes or {}).items():
             own[node] = own.get(node, {}) | dict(values)
-        setup = StationSetup(self.description, self.band, changes=own, model=self.model, tracker=tracker)
-        chosen = self.description.chosen_sensor(sensor, self.band)
-        log = simulate_pass(setup, window, math.floor(window.aos_t_s) - BEFORE_S, chosen)
-        return SimulatedPass(one, chosen, log)
+        return StationSetup(self.description, self.band, changes=own, model=self.model, tracker=tracker)
+
+    def scan(
+        self,
+        target: Target,
+        *,
+        start: str | None = None,
+        start_t_s: float | None = None,
+        seed: int = 1,
+        bandwidth_hz: float = 2.4e6,
+        changes: Mapping[str, Mapping[str, object]] | None = None,
+        **scan: Any,
+    ) -> ScanResult:
+        """Scan a source with the station simulated in this process, and return what was found.
+
+        Parameters
+        ----------
+        target : a satellite, Sun, Moon, Cassiopeia A, Cygnus A, Taurus A or Virgo A: the others
+            have no flux, and no carrier.
+        start, start_t_s : the scan begins as soon as the target is up from then on.
+        seed, changes : as of `simulate`.
+        bandwidth_hz : of the total power; that of an RTL-SDR.
+        scan : fields of `rf_pointing.api.scan.ScanRequest`, as pattern, half_width_deg, frame.
+
+        Raises
+        ------
+        ValueError
+            A scan that does not fit the axes or the time, and powers that show no source, or more
+            than the source, by name.
+
+        Examples
+        --------
+        >>> print(rp.Station("leo_3m7", "S").scan(rp.elements("Sun"), start="2026-06-21T09:00:00"))
+        """
+        at_s = time_s("start", start, start_t_s)
+        request = ScanRequest(station=self, target=target, **scan)
+        at_s = target.first_t_s if at_s is None else at_s
+        return simulated(request, at_s, seed, bandwidth_hz, changes)
+
+    def simulate_scan(
+        self, one: StationPass, program: ScanProgramParams, taken: ScanSamples, seed: int,
+        changes: Mapping[str, Mapping[str, object]],
+    ) -> str:  # fmt: skip
+        """Let the simulated station scan, and return "" or why the scan is not complete."""
+        setup, start_s = self._setup(one, seed, taken, changes), math.floor(one.aos_t_s) - BEFORE_S
+        log = simulate_pass(setup, one.window, start_s, Sensor.PROGRAM, scan=program)
+        late = "it takes longer than the target is up"
+        return "" if log.ended == SCANNED else log.fault or log.ended or late
 
     def track(self, one: StationPass, **options: Any) -> Any:
         """Track a pass with the live graph of this station (ROS), record it and report on it.
@@ -385,3 +449,17 @@ class Station:
         # Not at the top: the rest of the front door does without ROS.
         live, requests = (importlib.import_module(f"rf_pointing.api.{name}") for name in ("live", "requests"))
         return live.track(requests.TrackRequest(station=self, target=one.target, chosen=one.window, **options))
+
+
+def begin_of_plan(wishes: Sequence[Wish], given_s: float | None, length_s: float) -> float:
+    """Return when a plan begins: where given, else now or at the newest epoch of old elements.
+
+    Raises ValueError without a target.
+    """
+    if not wishes:
+        raise ValueError("targets: give at least one satellite")
+    if given_s is not None:
+        return given_s
+    now_s = time.time()
+    newest_s = max((wish.target.epoch_t_s for wish in wishes if isinstance(wish.target, Elements)), default=now_s)
+    return now_s if abs(now_s - newest_s) <= MAX_AGE_S - length_s else newest_s

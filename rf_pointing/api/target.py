@@ -5,7 +5,7 @@ import warnings
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from rf_pointing import __version__
 from rf_pointing.core.dates import DAY_S
@@ -32,6 +32,8 @@ class Target:
     satellite : catalogue number or name in it, or Sun, Moon or a radio source.
     interpolation, interpolation_degree : for an OEM that declares none.
     priority, min_peak_deg : of its passes in a plan of many satellites; larger priorities first.
+    band, contact_minutes : of its passes in a plan of a network, and the contact that it is owed
+        every 24 h.
     """
 
     location: str = ""
@@ -40,6 +42,8 @@ class Target:
     interpolation_degree: int = 7
     priority: int = 0
     min_peak_deg: float | None = None
+    band: str = ""
+    contact_minutes: float = 0.0
 
     @cached_property
     def problem(self) -> str:
@@ -99,7 +103,10 @@ class Target:
         """Return the target as the plan of many takes it."""
         from rf_pointing.station.pointing.multi_satellite_plan import Wish
 
-        return Wish(target=self.found, priority=self.priority, min_peak_rad=math.radians(self.min_peak_deg or 0.0))
+        return Wish(
+            target=self.found, priority=self.priority, min_peak_rad=math.radians(self.min_peak_deg or 0.0),
+            band=self.band, contact_s=60.0 * self.contact_minutes,
+        )  # fmt: skip
 
     def to_oem(self, *, start_t_s: float, duration_s: float, created_t_s: float) -> str:
         """Return its motion over a time as a CCSDS OEM."""
@@ -121,6 +128,8 @@ def elements(
     satellite: str | int | None = None,
     priority: int = 0,
     min_peak_deg: float | None = None,
+    band: str = "",
+    contact_minutes: float = 0.0,
     interpolation: str = "",
     interpolation_degree: int = 7,
 ) -> Target:
@@ -133,6 +142,7 @@ def elements(
         Sun, Moon or a radio source.
     satellite : its name or catalogue number there; by default the first one.
     priority, min_peak_deg : of its passes in `Station.plan`; larger priorities win.
+    band, contact_minutes : of its passes in `plan_network`, and the contact owed every 24 h.
     interpolation, interpolation_degree : HERMITE, LAGRANGE or LINEAR, for an OEM without one.
 
     Raises
@@ -160,7 +170,7 @@ def elements(
     chosen = ("" if place else FIRST_SATELLITE) if satellite is None else str(satellite)
     target = Target(
         location=text, satellite=chosen, interpolation=interpolation, interpolation_degree=interpolation_degree,
-        priority=priority, min_peak_deg=min_peak_deg,
+        priority=priority, min_peak_deg=min_peak_deg, band=band, contact_minutes=contact_minutes,
     )  # fmt: skip
     _ = target.found
     if target.problem:
@@ -184,11 +194,9 @@ def every_satellite(location: str, min_peak_deg: float | None) -> list[Target]:
     return [of_elements(location, one, min_peak_deg=min_peak_deg) for one in load_catalogue(location)]
 
 
-def of_elements(location: str, found: Elements, *, priority: int = 0, min_peak_deg: float | None = None) -> Target:
-    """Return the target of elements that have been read from `location`."""
-    target = Target(
-        location=location, satellite=str(found.catalogue_number), priority=priority, min_peak_deg=min_peak_deg
-    )
+def of_elements(location: str, found: Elements, **wanted: Any) -> Target:
+    """Return the target of elements from `location`; `wanted` are fields of it."""
+    target = Target(location=location, satellite=str(found.catalogue_number), **wanted)
     # A catalogue of 10 000 satellites is read once and not once for each.
     target.__dict__["found"] = found
     return target

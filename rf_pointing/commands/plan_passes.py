@@ -1,22 +1,21 @@
 """Executable `plan_passes`: the coming passes of one satellite, or of many for one antenna.
 
 One satellite: every pass with its certificate, printed, drawn, or as JSON.  Many (`--satellites`,
-or `--all` of the elements): which passes the antenna tracks, which yield to which, and why.  No
-graph is needed.
+or `--all` of the elements): which passes the antenna tracks, which yield to which, and why.  With
+`--stations` a network tracks them, each by one station at a time.  No graph is needed.
 """
 
 import argparse
 import json
 import time
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from rf_pointing.api.passes import draw_certificates
 from rf_pointing.api.satellite_list import satellites
-from rf_pointing.api.station import Station
-from rf_pointing.api.target import Target, every_satellite
+from rf_pointing.api.target import every_satellite
 from rf_pointing.commands.options import (
     add_options,
     between,
@@ -26,27 +25,15 @@ from rf_pointing.commands.options import (
     say_if,
     say_of_elements,
 )
+from rf_pointing.commands.plans_of_many import (
+    PROGRAM,
+    PlanRequest,
+    add_network_options,
+    network_of,
+    plan_many,
+    plan_stations,
+)
 from rf_pointing.core.whole_file import write_whole
-
-PROGRAM = "plan_passes"
-
-
-@dataclass(frozen=True, kw_only=True)
-class PlanRequest:
-    """One `target`, or the `targets` of a plan of many, and the files that are written."""
-
-    station: Station
-    target: Target
-    targets: list[Target] | None
-    span: dict[str, Any]
-    """Start, length and mask, as the methods of a station take them."""
-    min_peak_deg: float
-    gap_s: float
-    json: bool
-    csv: Path | None
-    ics: Path | None
-    oem: Path | None
-    picture: Path | None
 
 
 def main(argv: list[str] | None = None) -> None:
@@ -55,6 +42,8 @@ def main(argv: list[str] | None = None) -> None:
         request = request_from(argv)
         if request.targets is None:
             plan_one(request)
+        elif request.network is not None:
+            plan_stations(request, request.targets, request.network)
         else:
             plan_many(request, request.targets)
 
@@ -83,24 +72,6 @@ def plan_one(request: PlanRequest) -> None:
         say(PROGRAM, str(request.picture))
 
 
-def plan_many(request: PlanRequest, targets: list[Target]) -> None:
-    """Print the plan of many satellites, and write its files."""
-    plan = request.station.plan(targets, gap_s=request.gap_s, **request.span)
-    print(plan.to_json() if request.json else plan)
-    for one, reason in plan.day.unsearched:
-        say(PROGRAM, f"{one.name} {reason}")
-    say_if(PROGRAM, plan.warning())
-    if request.csv:
-        write_whole(request.csv, plan.to_csv())
-        say(PROGRAM, str(request.csv))
-    if request.ics:
-        write_whole(request.ics, plan.to_calendar())
-        say(PROGRAM, str(request.ics))
-    if request.picture:
-        plan.draw(request.picture)
-        say(PROGRAM, str(request.picture))
-
-
 def arguments() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
     what = "Plan the coming passes of a satellite, or of many satellites for one antenna, with certificates."
@@ -111,6 +82,7 @@ def arguments() -> argparse.ArgumentParser:
         "file has one a line, as in '25544, priority=5, peak=20' (start: now, or the newest epoch)")  # fmt: skip
     many.add_argument("--all", action="store_true", help="plan all satellites of the elements together")
     add = parser.add_argument
+    add_network_options(parser)
     add("--hours", type=between(0.01, 744.0), default=24.0, help="how far to look (default: 24)")
     add_options(
         parser, "min-peak", min_peak={"metavar": "DEG", "default": 0.0, "help": "least peak of a pass (default: 0)"}
@@ -131,6 +103,7 @@ def request_with(**given: Any) -> PlanRequest:
     station, target, named, everything = (given[name] for name in ("station", "target", "satellites", "all"))
     # A model that cannot be read is reported before the elements are.
     _ = station.rules
+    network = network_of(given)
     together = everything or bool(named)
     if together and given["oem"]:
         raise ValueError("--oem is of one satellite: give neither --satellites nor --all")
@@ -145,7 +118,7 @@ def request_with(**given: Any) -> PlanRequest:
         targets = satellites(target.location, named, min_peak_deg=given["min_peak_deg"])
     span = {"start_t_s": given["start_s"], "hours": given["hours"], "mask_deg": given["mask_deg"]}
     own = {item.name: given[item.name] for item in fields(PlanRequest) if item.name in given}
-    return PlanRequest(targets=targets, span=span, **own)
+    return PlanRequest(targets=targets, span=span, network=network, **own)
 
 
 request_from = partial(requested, arguments, request_with)

@@ -2,6 +2,7 @@
 
     station passes                          the schedule, or the coming passes of the present target
     station track SATELLITE                 track its next pass: live line, recording, report
+    station scan Moon                       scan it: offset, beam, G/T, table of offsets
     station queue night.csv --start         hand a schedule over, and let the executive run it
     station status --watch                  what it does, and the alarms
     station go 120 45                       turn the axes to azimuth and elevation, deg
@@ -31,6 +32,7 @@ from pathlib import Path
 from typing import Any
 
 from rf_pointing.commands.options import add_options, between, ending_with_reason, named, refusing
+from rf_pointing.commands.scan import add_pattern, live_scan
 from rf_pointing.core.dates import parse_utc
 from rf_pointing.core.parameters import leaves
 from rf_pointing.core.whole_file import DATA_BYTES, read_whole
@@ -89,6 +91,10 @@ def request_of(argv: list[str] | None = None) -> StationRequest:
         help="the pass at or nearest to this time (default: the next)")  # fmt: skip
     track("--output", type=Path, metavar="DIR", help="folder of recording and report (default: runs/SATELLITE-TIME)")
     track("--no-record", dest="record", action="store_false", help="neither recording nor report")
+    scan = add("scan", "scan a target, and say what the received power tells", live_scan)
+    scan("target", help="catalogue number or name, or a body of the sky")
+    scan("--station", default="", metavar="FILE|NAME", help="(default: that of its nodes)")
+    add_pattern(scan)
     queue = add("queue", "hand passes over to the executive: JSON, CSV or ICS of plan_passes", StationClient.queue)
     queue("text", metavar="file", nargs="?", type=refusing(_passes), help="file of the passes")
     queue("--remove", nargs="+", default=[], metavar="ID", help="take passes out")

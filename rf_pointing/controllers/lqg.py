@@ -6,7 +6,7 @@ x holds the axis angle and drive rate (as deviations from the command), the stat
 and of the shaping section S, and a slow rate disturbance; the last makes the integral action.  e is
 command minus encoder.
 
-A design is made by `papers/design_lqg.py` from an identified model.  The package brings those for
+A design is made by `lqg_design.py` from a model of the axis.  The package brings those for
 DSS-13, which `benchmarks/lqg_tuning.py` made; its output lies next to it.
 """
 
@@ -63,6 +63,10 @@ class LqgWeights(Params):
         )
 
 
+LqgGains = tuple[Array, Array, Array, Array, Array]
+"""a (7, 7), b (7, 1), c (1, 7), state gain (1, 7), observer gain (7, 1)."""
+
+
 @dataclass(frozen=True, slots=True)
 class LqgDesign:
     """Matrices of the law, the drive it was made for and the margins found on the full model.
@@ -90,6 +94,11 @@ class LqgDesign:
     gain_margin_db: float
     phase_margin_rad: float
 
+    @property
+    def notch(self) -> SectionParams:
+        """The notch's own parameter set."""
+        return self.weights.notch
+
     def matrices(self, sample_s: float) -> LawMatrices:
         """Return the law from error to rate command, sampled; its feedforward lies outside.
 
@@ -102,10 +111,8 @@ class LqgDesign:
         # margins.
         if abs(sample_s - self.sample_s) > 1e-6:
             raise ValueError(f"sample_s={sample_s} must be {self.sample_s}, the sampling time of the LQG design")
-        core = self.a - self.b @ self.state_gain - self.observer_gain @ self.c
-        law = core, -self.observer_gain, -self.state_gain, np.zeros((1, 1))
-        # In the order of the loop, so that the states are those of the code that runs.
-        return before_sections(law, (self.weights.shaping, self.weights.notch), sample_s)
+        gains = self.a, self.b, self.c, self.state_gain, self.observer_gain
+        return law_matrices(gains, self.weights, sample_s)
 
     @classmethod
     def from_mapping(cls, values: Mapping[str, Any]) -> "LqgDesign":
@@ -116,6 +123,15 @@ class LqgDesign:
         parts: dict[str, Any] = {name: np.array(values[name], dtype=np.float64) for name in MATRICES}
         numbers = {name: values[name] for name in cls.__slots__ if name not in MATRICES and name != "weights"}
         return cls(**parts, **numbers, weights=LqgWeights.from_mapping(values["weights"]))
+
+
+def law_matrices(gains: LqgGains, weights: LqgWeights, sample_s: float) -> LawMatrices:
+    """Return the law of these gains from error to rate command, its filters included."""
+    a, b, c, state_gain, observer_gain = gains
+    core = a - b @ state_gain - observer_gain @ c
+    law = core, -observer_gain, -state_gain, np.zeros((1, 1))
+    # In the order of the loop, so that the states are those of the code that runs.
+    return before_sections(law, (weights.shaping, weights.notch), sample_s)
 
 
 def load_lqg_designs(path: Path | None = None) -> tuple[LqgDesign, LqgDesign]:

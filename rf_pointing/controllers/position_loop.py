@@ -37,6 +37,9 @@ class PositionLoopParams(Params):
     shaping_pole_hz: float = parameter(4.0, "frequency of its poles", low=0.01, high=500.0)
     shaping_pole_damping: float = parameter(0.5, "damping of its poles", low=0.001, high=5.0)
     rate_limit_rad_s: float = parameter(math.radians(2.0), "largest rate command", low=1e-6, high=10.0)
+    peak_sensitivity: float = parameter(
+        0.0, "peak of |S| tuned for; 1.25 times as much is refused; 0: unknown", low=0.0, high=10.0
+    )
     drive_lag_s: float = parameter(0.06, "lag of the rate loop with half a sample", low=0.0, high=1.0)
 
     def check_together(self) -> None:

@@ -157,8 +157,9 @@ def as_finite_pair(name: str, value: ArrayLike) -> tuple[float, float]:
 
 
 def _all_finite(array: NDArray[Any]) -> bool:
-    # One call of BLAS, which warns of nothing; where squares overflow each number is looked at.
-    if array.dtype == np.float64 and math.isfinite(np.vdot(array, array)):
+    # One call of BLAS, which warns of nothing; where squares overflow each number is looked at.  Of
+    # long arrays it would wake its threads, which wait for a busy processor.
+    if array.dtype == np.float64 and array.size <= 4096 and math.isfinite(np.vdot(array, array)):
         return True
     return bool(np.isfinite(array).all())
 

@@ -29,6 +29,7 @@ HALF_POWER = 0.5
 LEAST_SHARE = 0.8
 # Why a pass ends that was not interrupted.
 LOSS_OF_SIGNAL = "loss of signal"
+SCANNED = "the scan is complete"
 
 
 def gaussian_gain(error_rad: ArrayLike, beamwidth_rad: ArrayLike) -> NDArray[np.float64]:

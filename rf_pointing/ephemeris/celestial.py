@@ -3,7 +3,8 @@
 Sun: SOFA epv00 (VSOP2000, better than 0.01 arcsec).  Moon: SOFA moon98 (Meeus, 10 arcsec in
 longitude, 3 mdeg).  Both are true positions; the track applies light time, which to first order in
 v/c is also the annual aberration.  Radio sources: ICRS places, deflected at the Sun and aberrated
-here (SOFA ld, ab), without parallax.
+here (SOFA ld, ab), without parallax.  Planets: SOFA plan94 (Simon et al. 1994), whose errors in
+longitude are those of `PLANETS`.
 """
 
 import math
@@ -26,6 +27,10 @@ _AU_DAY_IN_C = _AU_M / DAY_S / SPEED_OF_LIGHT_M_S
 _LIGHT_YEAR_M = 9.4607304725808e15
 # Long against the rounding of a position, short against the Moon's month.
 _STEP_S = 600.0
+J2000_S = 946727935.816
+JULIAN_YEAR_S = 365.25 * DAY_S
+OWN_PLACE = "radec"
+_OBLIQUITY_RAD = math.radians(23.4393)
 
 
 class CelestialTarget:
@@ -78,13 +83,45 @@ def moon(orientation: EarthOrientationSource | None = None) -> CelestialTarget:
     return CelestialTarget("Moon", position, unit_m=_AU_M, at_infinity=False, orientation=orientation)
 
 
+def moon_phase_rad(t_s: float) -> float:
+    """Return the Moon's ecliptic longitude off that opposite to the Sun: 0 at full, then > 0."""
+    sun_at, moon_at = -erfa.epv00(*tt_parts(t_s))[0]["p"], erfa.moon98(*tt_parts(t_s))["p"]
+    cosine, sine = math.cos(_OBLIQUITY_RAD), math.sin(_OBLIQUITY_RAD)
+    longitudes = [math.atan2(cosine * y + sine * z, x) for x, y, z in (sun_at, moon_at)]
+    return math.remainder(longitudes[1] - longitudes[0] - math.pi, math.tau)
+
+
+# Largest error in arcsec from 1800 to 2050, in the order of plan94's numbers; the third is Earth.
+PLANETS = {
+    "Mercury": 4.0, "Venus": 5.0, "": 6.0, "Mars": 17.0, "Jupiter": 71.0, "Saturn": 81.0,
+    "Uranus": 86.0, "Neptune": 11.0,
+}  # fmt: skip
+
+
+def planet(name: str, orientation: EarthOrientationSource | None = None) -> CelestialTarget:
+    """Return the centre of a planet of `PLANETS`, good to the error given there."""
+    number = list(PLANETS).index(name) + 1
+
+    def position(t_s: Any) -> Vector:
+        heliocentric, _ = erfa.epv00(*tt_parts(t_s))
+        return _components(erfa.plan94(*tt_parts(t_s), number)["p"] - heliocentric["p"])
+
+    return CelestialTarget(name, position, unit_m=_AU_M, at_infinity=False, orientation=orientation)
+
+
 @dataclass(frozen=True)
 class RadioSource:
-    """A place on the sky without proper motion: right ascension and declination in the ICRS."""
+    """A place on the sky: right ascension and declination in the ICRS at an epoch (Julian year).
+
+    Proper motions are in rad a year, that in right ascension with the cosine of the declination.
+    """
 
     name: str
     right_ascension_rad: float
     declination_rad: float
+    motion_east_rad_year: float = 0.0
+    motion_north_rad_year: float = 0.0
+    epoch_year: float = 2000.0
 
     def __post_init__(self) -> None:
         require_between("right_ascension_rad", self.right_ascension_rad, 0.0, 2.0 * math.pi)
@@ -92,9 +129,17 @@ class RadioSource:
 
     def target(self, orientation: EarthOrientationSource | None = None) -> CelestialTarget:
         """Return the source as a target; its range is set to one light year and means nothing."""
-        catalogue = erfa.s2c(self.right_ascension_rad, self.declination_rad)
+        place = erfa.s2c(self.right_ascension_rad, self.declination_rad)
+        sine, cosine = math.sin(self.right_ascension_rad), math.cos(self.right_ascension_rad)
+        east = np.array([-sine, cosine, 0.0])
+        motion = self.motion_east_rad_year * east
+        motion = motion + self.motion_north_rad_year * np.cross(place, east)
 
         def direction(t_s: Any) -> Vector:
+            # On a straight line in space, as long as the motion is small against a radian.
+            years = (np.asarray(t_s) - J2000_S) / JULIAN_YEAR_S - (self.epoch_year - 2000.0)
+            moved = place + years[..., None] * motion
+            catalogue = moved / np.linalg.norm(moved, axis=-1)[..., None]
             heliocentric, barycentric = erfa.epv00(*tt_parts(t_s))
             # Deflection at the Sun depends on the observer's distance from it.
             distance_au = np.linalg.norm(heliocentric["p"], axis=-1)
@@ -135,6 +180,35 @@ def radio_source(name: str, orientation: EarthOrientationSource | None = None) -
     """Return the catalogued source of that name as a target; ValueError lists the names."""
     require_choice("radio_source", name, RADIO_SOURCES)
     return RADIO_SOURCES[name].target(orientation)
+
+
+def own_place(text: str) -> RadioSource:
+    """Return the place of `radec RA DEC [EAST NORTH EPOCH]`: deg, mas a year, Julian year.
+
+    Raises
+    ------
+    ValueError
+        Another number of words, and what is not a number or outside of its range.
+    """
+    words = text.split()[1:]
+    if len(words) not in (2, 5):
+        form = f"{OWN_PLACE} RA DEC [EAST NORTH EPOCH]"
+        raise ValueError(f"satellite={text!r} must be {form} in deg, mas/year, year")
+    numbers = [as_number(word, text) for word in words] + [0.0, 0.0, 2000.0][len(words) - 2 :]
+    right, up, east, north, epoch = numbers
+    mas = math.radians(1.0 / 3.6e6)
+    return RadioSource(text, math.radians(right), math.radians(up), east * mas, north * mas, epoch)
+
+
+def as_number(word: str, text: str) -> float:
+    """Return a finite number of a text; ValueError names both."""
+    try:
+        value = float(word)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise ValueError(f"satellite={text!r}: {word!r} must be a number")
+    return value
 
 
 def _components(vectors: Any) -> Vector:

@@ -30,6 +30,7 @@ from rf_pointing.ephemeris import (
     sun,
     verification_elements,
 )
+from rf_pointing.ephemeris.celestial import OWN_PLACE, PLANETS, own_place, planet
 from rf_pointing.ephemeris.element_files import element_files, version_of
 from rf_pointing.ephemeris.oem import METHODS, OemSegment
 from rf_pointing.ephemeris.satellite_antenna import SatelliteAntennaParams
@@ -40,7 +41,19 @@ BODIES: dict[str, Callable[[], TargetSource]] = {
     "sun": sun,
     "moon": moon,
     **{name.casefold(): partial(radio_source, name) for name in RADIO_SOURCES},
+    **{name.casefold(): partial(planet, name) for name in PLANETS if name},
 }
+
+
+def body_of(name: str) -> TargetSource | None:
+    """Return the body of the sky or the place `radec ...` that a name means, None for others.
+
+    ValueError for a place that cannot be read.
+    """
+    if name.casefold().split()[:1] == [OWN_PLACE]:
+        return own_place(name).target()
+    made = BODIES.get(name.casefold())
+    return made() if made else None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,7 +67,8 @@ class SourceParams(TargetOffsets):
     )
     satellite: str = parameter(
         "28057",
-        "catalogue number or name of the satellite in the file, or Sun, Moon or a radio source; empty: the first one",
+        "catalogue number or name of the satellite in the file, or Sun, Moon, a planet, a radio source "
+        "or a place (radec RA DEC in deg); empty: the first one",
     )
     site: Site = parameter(SITES["Goldstone DSS-13"], "where the antenna stands")
     interpolation: str = parameter(
@@ -80,9 +94,9 @@ NO_TARGET = SourceParams(satellite="")
 
 def load_target(params: SourceParams) -> Elements | TargetSource:
     """Return the wanted object; errors name the file or the object."""
-    body = BODIES.get(params.satellite.casefold())
+    body = body_of(params.satellite)
     if body is not None:
-        return body()
+        return body
     if not params.elements and not params.satellite:
         bodies = ", ".join(name.title() for name in BODIES)
         raise ValueError(

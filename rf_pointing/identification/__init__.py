@@ -12,6 +12,13 @@ if TYPE_CHECKING:
         SampleCollector,
     )
     from rf_pointing.identification.model import StateSpace, modes_of
-    from rf_pointing.identification.study import STRAIGHT, CrossCheck, ResponseStudy, StraightCheck, save_models
+    from rf_pointing.identification.study import (
+        STRAIGHT,
+        CrossCheck,
+        ResponseStudy,
+        StraightCheck,
+        load_models,
+        save_models,
+    )
 
 __getattr__ = lazily(__name__, __file__)

@@ -18,11 +18,16 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rf_pointing.core import require_between
+from rf_pointing.core import as_finite_array, require_between
+from rf_pointing.core.types import Array, ComplexArray
+from rf_pointing.core.whole_file import parse_json, read_whole
 from rf_pointing.identification.experiment import Recording
 from rf_pointing.identification.identify import IdentificationParams, Identified, identify
 from rf_pointing.identification.model import StateSpace
 from rf_pointing.identification.spectra import FrequencyResponse, frequency_response
+
+# The number changes with every change of the keys, so that an old file is not misread.
+FORMAT = "rf_pointing identified models 2"
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,7 +143,8 @@ def _study(
 def save_models(path: Path, studies: Sequence[ResponseStudy], provenance: str) -> None:
     """Write the models (rate command in rad/s to encoder in rad) with their worst errors to `path`.
 
-    `provenance` says from which data and how they were made.
+    The measured response goes with each, at the frequencies where its coherence says that it is
+    one.  `provenance` says from which data and how they were made.
     """
     responses = [
         {
@@ -149,8 +155,53 @@ def save_models(path: Path, studies: Sequence[ResponseStudy], provenance: str) -
             "hankel": response.identified.hankel.tolist(),
             "error": response.worst_error,
             "provenance": provenance,
+            **_measured(response.measured),
         }
         for response in studies
     ]
-    # The number changes with every change of the keys, so that an old file is not misread.
-    path.write_text(json.dumps({"format": "rf_pointing identified models 1", "responses": responses}, indent=1) + "\n")
+    path.write_text(json.dumps({"format": FORMAT, "responses": responses}, indent=1) + "\n")
+
+
+def _measured(found: FrequencyResponse) -> dict[str, list[float]]:
+    kept = found.valid() & (found.frequency_hz > 0.0)
+    response = found.response[kept]
+    return {
+        "measured_hz": found.frequency_hz[kept].tolist(),
+        "measured_real": response.real.tolist(),
+        "measured_imag": response.imag.tolist(),
+    }
+
+
+@dataclass(frozen=True, slots=True)
+class KeptModel:
+    """A straight response of a models file: model, error, and what was measured (f,)."""
+
+    model: StateSpace
+    error: float
+    measured_hz: Array
+    measured: ComplexArray
+
+
+def load_models(path: Path) -> dict[str, KeptModel]:
+    """Return the straight responses in `path` by their axis; ValueError for another file."""
+    try:
+        content = parse_json(read_whole(path))
+    except (OSError, ValueError) as error:
+        raise ValueError(f"{path}: no identified models: {error}") from error
+    if not isinstance(content, Mapping) or content.get("format") != FORMAT:
+        raise ValueError(f"{path}: format must be {FORMAT!r}; identify_antenna writes it")
+    found = {}
+    try:
+        for one in content["responses"]:
+            if one["input"] != one["output"]:
+                continue
+            a, b, c, d = (np.array(one[name], dtype=np.float64) for name in "abcd")
+            names = ("measured_real", "measured_imag", "measured_hz")
+            real, imag, hz = (np.array(one[name], dtype=np.float64) for name in names)
+            as_finite_array("measured", np.stack([real, imag, hz]), (3, None))
+            model = StateSpace(a, b, c, d, float(one["sample_s"]))
+            found[str(one["input"])] = KeptModel(model, float(one["error"]), hz, real + 1j * imag)
+    except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
+        kind = type(error).__name__
+        raise ValueError(f"{path}: no identified models: {kind}: {error}") from error
+    return found

@@ -26,10 +26,11 @@ from rf_pointing.ros.diagnostics import LEVELS
 from rf_pointing.ros.directives import DirectiveSender
 from rf_pointing.ros.graph import EXECUTIVE_STATUS, OPERATOR_PAGE, SCHEDULE, STATION_IN_USE
 from rf_pointing.ros.lifecycle import LifecycleParams
-from rf_pointing.ros.main_loop import read_token, run
+from rf_pointing.ros.main_loop import run
 from rf_pointing.ros.managed import ManagedNode
 from rf_pointing.ros.qos import IN_USE, LATCHED, STATUS, STREAM
 from rf_pointing.ros.repeated_call import ParametersOf
+from rf_pointing.ros.secret_files import read_token
 from rf_pointing.station.clients.board import JOG, LONGEST_TEXT, READ, Board, PageParams
 from rf_pointing.tracking.sensors import load_trackers
 from rf_pointing.web.metrics import board_metrics

@@ -5,8 +5,8 @@ weather/temperature (sensor_msgs/Temperature) for the thermal terms of a model, 
 is refused.
 Publishes: joint_trajectory and command_signature (10 Hz while a pass is tracked), tracking_status
 (10 Hz), pass_certificate (latched).
-Action: track_pass (rf_pointing_msgs/TrackPass); a pass by satellite and time is one that
-ephemeris_publisher/select_target finds.
+Actions: track_pass (rf_pointing_msgs/TrackPass); a pass by satellite and time is one that
+ephemeris_publisher/select_target finds; scan (rf_pointing_msgs/Scan): the beam led around it.
 Services (std_srvs/Trigger): ~/stop ends the pass under control; ~/calibrate runs the circle on
 which the monopulse tracker calibrates its feed.
 Parameters: those of `ControllerParams`, certificate_folder (where every certificate is stored

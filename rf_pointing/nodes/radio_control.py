@@ -27,8 +27,9 @@ from rf_pointing.ephemeris.solar import SolarDirection
 from rf_pointing.planning.forbidden_sky import ForbiddenSky
 from rf_pointing.ros import convert
 from rf_pointing.ros.graph import INHIBIT, RADIO
-from rf_pointing.ros.main_loop import read_token, run
+from rf_pointing.ros.main_loop import run
 from rf_pointing.ros.qos import STATUS, STREAM
+from rf_pointing.ros.secret_files import read_token
 from rf_pointing.ros.station_node import StationNode
 from rf_pointing.station.radio.control import PERIOD_S, RadioControl
 from rf_pointing.station.radio.inhibit import TransmitRules

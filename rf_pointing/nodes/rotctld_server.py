@@ -27,9 +27,10 @@ from rf_pointing.drives.rotctld import RotatorWords, StationView
 from rf_pointing.ros import convert, convert_calibration
 from rf_pointing.ros.directives import DirectiveSender
 from rf_pointing.ros.graph import EXECUTIVE_STATUS
-from rf_pointing.ros.main_loop import read_token, run
+from rf_pointing.ros.main_loop import run
 from rf_pointing.ros.qos import LATCHED, STATUS, STREAM
 from rf_pointing.ros.repeated_call import ParametersOf
+from rf_pointing.ros.secret_files import read_token
 from rf_pointing.ros.signed_commands import CommandSender
 from rf_pointing.ros.stamps import seconds_from_stamp
 from rf_pointing.ros.station_node import StationNode

@@ -83,9 +83,13 @@ def to_json(passes: Iterable[ScheduledPass]) -> str:
 
 def to_csv(passes: Sequence[ScheduledPass]) -> str:
     """Return the passes as a table."""
+    return table_of([row_of(item) for item in passes], "id")
+
+
+def table_of(rows: Sequence[Mapping[str, Any]], first: str = "name") -> str:
+    """Return rows as CSV, with their names, `first` without a row, in the first line."""
     text = io.StringIO()
-    rows = [row_of(item) for item in passes]
-    writer = csv.DictWriter(text, list(rows[0]) if rows else ["id"], lineterminator="\n")
+    writer = csv.DictWriter(text, list(rows[0]) if rows else [first], lineterminator="\n")
     writer.writeheader()
     writer.writerows(rows)
     return text.getvalue()
@@ -109,7 +113,7 @@ def to_calendar(
         event.add("dtstart", datetime.fromtimestamp(math.floor(item.aos_t_s), UTC))
         event.add("dtend", datetime.fromtimestamp(math.floor(item.los_t_s), UTC) + timedelta(seconds=1))
         event.add("summary", f"{name}, peak {math.degrees(item.peak_rad):.0f} deg")
-        event.add("location", station)
+        event.add("location", item.antenna or station)
         event.add("description", (remarks or {}).get(item.id, f"{item.target}, priority {item.priority}"))
         event.add(_EXACT, json.dumps(row_of(item)))
         calendar.add_component(event)

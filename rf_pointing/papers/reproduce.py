@@ -30,6 +30,7 @@ PAPERS = (
     "interferometer",
     "monopulse",
     "nco",
+    "network",
     "receive",
     "satcal",
     "sensors",

@@ -1,5 +1,4 @@
-"""One axis as a sampled loop: exact responses at 50 Hz, wind error, sensitivity of encoder and
-radio loop.
+"""One axis as a sampled loop: exact responses, wind error, sensitivity of encoder and radio loop.
 
     L = G_e K,   S = 1 / (1 + L),   S_radio = 1 / (1 + H G_b (K + F N s) S)
     beam under wind = (W_b - G_b K W_e S) w
@@ -11,28 +10,19 @@ Davenport's spectrum.
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 from scipy.integrate import trapezoid
 
-from rf_pointing.controllers import LawMatrices, LqgDesign, PositionLoopParams
+from rf_pointing.controllers import LawMatrices
+from rf_pointing.controllers.filters import SectionParams
 from rf_pointing.core.types import Array, ComplexArray
-from rf_pointing.servo import PlantParams, discretise
-from rf_pointing.servo.linear_model import linear_model
-from rf_pointing.servo.wind import GUST_LENGTH_M
+from rf_pointing.servo import PlantParams
+from rf_pointing.station.antenna.axis_response import AxisResponse, Variation, davenport_psd
 
 SAMPLE_S = 0.02
 RADIO_PERIOD_S = 0.1
-_AXES = ("azimuth", "elevation")
-
-
-@dataclass(frozen=True, slots=True)
-class Variation:
-    """How the antenna differs from the one the controller was made for."""
-
-    frequency: float = 1.0
-    residue: float = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,46 +85,15 @@ class LoopQuality:
     stable: bool
 
 
-class AxisResponse:
-    """Responses of one axis of a plant on a frequency grid; independent of the controller."""
+class SampledLaw(Protocol):
+    """A position law, or one that is being designed."""
 
-    def __init__(self, plant: PlantParams, axis: int, variation: Variation) -> None:
-        name = _AXES[axis]
-        model = linear_model(_varied(plant, name, variation))
-        kept = [i for i, state in enumerate(model.state_names) if name in state]
-        block = np.ix_(kept, kept)
-        self.a, self.command = model.a[block], model.b_command[kept][:, [axis]]
-        self.wind = model.b_wind[kept][:, [axis]]
-        self.outputs = np.vstack([model.encoder[axis, kept], model.beam[axis, kept]])
-        self.step = discretise(self.a, self.command, SAMPLE_S)
-        self.frequency_hz = _grid()
+    @property
+    def notch(self) -> SectionParams:
+        """The notch, through which the feedforward goes as well."""
 
-    @cached_property
-    def from_command(self) -> ComplexArray:
-        """Response (f, 2) of encoder and beam to the rate command."""
-        z: ComplexArray = np.asarray(np.exp(2j * np.pi * self.frequency_hz * SAMPLE_S))
-        return self._solve(z, self.step[:, :-1], self.step[:, -1:])
-
-    @cached_property
-    def from_wind(self) -> ComplexArray:
-        """Response (f, 2) of encoder and beam to wind acceleration."""
-        s: ComplexArray = np.asarray(2j * np.pi * self.frequency_hz, dtype=np.complex128)
-        return self._solve(s, self.a, self.wind)
-
-    def closed_radius(self, law: LawMatrices) -> float:
-        """Return the spectral radius of the encoder loop under a law from error to rate (a, b, c,
-        d).
-        """
-        a, b, c = self.step[:, :-1], self.step[:, -1:], self.outputs[:1]
-        la, lb, lc, ld = law
-        closed = np.block([[a - b @ ld @ c, b @ lc], [-lb @ c, la]])
-        return float(np.max(np.abs(np.linalg.eigvals(closed))))
-
-    def _solve(self, points: ComplexArray, a: Array, b: Array) -> ComplexArray:
-        solved = np.linalg.solve(
-            points[:, None, None] * np.eye(len(a)) - a, b.astype(np.complex128)
-        )
-        return np.asarray((self.outputs @ solved)[:, :, 0])
+    def matrices(self, sample_s: float) -> LawMatrices:
+        """Return the law from error to rate command, its filters included."""
 
 
 class LawResponse:
@@ -144,7 +103,7 @@ class LawResponse:
     through the feedforward; `matrices` is the law from error to rate command in state space.
     """
 
-    def __init__(self, law: PositionLoopParams | LqgDesign) -> None:
+    def __init__(self, law: SampledLaw) -> None:
         frequency = _grid()
         s, z = 2j * np.pi * frequency, np.exp(2j * np.pi * frequency * SAMPLE_S)
         self.matrices = a, b, c, d = law.matrices(SAMPLE_S)
@@ -176,20 +135,6 @@ def loop_quality(
     return LoopQuality(rms, *peaks, stable)
 
 
-def davenport_psd(frequency_hz: Array, mean_speed_m_s: float, drag_coefficient: float) -> Array:
-    """Return the one-sided spectrum of the gust speed in (m/s)^2/Hz at `frequency_hz` > 0."""
-    x = GUST_LENGTH_M * frequency_hz / mean_speed_m_s
-    psd: Array = (
-        4.0
-        * drag_coefficient
-        * mean_speed_m_s**2
-        / frequency_hz
-        * x**2
-        / (1.0 + x**2) ** (4.0 / 3.0)
-    )
-    return psd
-
-
 def encircles_not(loop: ComplexArray) -> bool:
     """Whether the Nyquist curve of a loop with one integrator leaves -1 alone: 1 + L then turns by
     a quarter.
@@ -198,16 +143,9 @@ def encircles_not(loop: ComplexArray) -> bool:
     return abs(float(angle[-1] - angle[0]) - 0.5 * math.pi) < 0.25 * math.pi
 
 
-def _varied(plant: PlantParams, name: str, variation: Variation) -> PlantParams:
-    axis = getattr(plant, name)
-    changed = axis.replace(
-        mode_frequency_hz=tuple(variation.frequency * value for value in axis.mode_frequency_hz),
-        mode_encoder_residue=tuple(
-            variation.residue * value for value in axis.mode_encoder_residue
-        ),
-        mode_beam_residue=tuple(variation.residue * value for value in axis.mode_beam_residue),
-    )
-    return plant.replace(**{name: changed})
+def sampled_axis(plant: PlantParams, axis: int, variation: Variation) -> AxisResponse:
+    """Return an axis of DSS-13 on the grid of these loops."""
+    return AxisResponse(plant, axis, variation, _grid(), SAMPLE_S)
 
 
 def _grid() -> Array:
@@ -217,8 +155,8 @@ def _grid() -> Array:
     return np.unique(np.concatenate([np.geomspace(1e-3, 24.0, 700), *fine]))
 
 
-def _notch_response(law: PositionLoopParams | LqgDesign, z: ComplexArray) -> ComplexArray:
-    notch = law.weights.notch if isinstance(law, LqgDesign) else law.notch
+def _notch_response(law: SampledLaw, z: ComplexArray) -> ComplexArray:
+    notch = law.notch
     if not notch.enabled:
         return np.ones_like(z)
     omega = 2.0 * math.pi * notch.pole_hz

@@ -25,17 +25,17 @@ from rf_pointing.papers.row import Row
 from rf_pointing.papers.servo_linear import WIND, closed_loop
 from rf_pointing.papers.servo_pass import Law, PassSetup, fly
 from rf_pointing.papers.servo_sampled import (
-    AxisResponse,
     LawResponse,
     LoopQuality,
     RadioLoop,
-    Variation,
     loop_quality,
     published_radio,
+    sampled_axis,
     station_radio,
 )
 from rf_pointing.papers.servo_trajectory import LowOrbitPass
 from rf_pointing.servo import WindParams, dss13_plant, wind_torque_n_m
+from rf_pointing.station.antenna.axis_response import AxisResponse, Variation
 
 Responses = tuple[LawResponse, LawResponse]
 
@@ -78,7 +78,7 @@ def _rejection() -> list[Row]:
 
 @cache
 def _response(axis: int, variation: Variation) -> AxisResponse:
-    return AxisResponse(dss13_plant(ideal=True), axis, variation)
+    return sampled_axis(dss13_plant(ideal=True), axis, variation)
 
 
 @cache

@@ -7,8 +7,8 @@ from rf_pointing.core.lazy import lazily
 if TYPE_CHECKING:
     from rf_pointing.planning.certificate import Branch, Certificate, SensorCost, certify
     from rf_pointing.planning.certificate_text import certificate_lines, certificate_values
-    from rf_pointing.planning.forbidden_sky import HorizonMask
     from rf_pointing.planning.gate import Decision, Gate, GateParams, motion_between
+    from rf_pointing.planning.horizon import HorizonMask
     from rf_pointing.planning.interlocks import Authority, FaultLatch, WrapCount
     from rf_pointing.planning.limits import AxisLimits, AxisRates, MachineParams, choose_turns
     from rf_pointing.planning.over_the_top import plunged, unplunged

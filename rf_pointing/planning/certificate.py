@@ -25,7 +25,8 @@ from rf_pointing.core.pass_outcome import PassOutcome
 from rf_pointing.core.types import TURN, Array, Pair
 from rf_pointing.planning.branch_motion import BranchMotion, Lag, branch_motions, no_lag
 from rf_pointing.planning.crossing import Crossing, CrossingLoss, Gain
-from rf_pointing.planning.forbidden_sky import ForbiddenSky, HorizonMask, angle_between
+from rf_pointing.planning.forbidden_sky import ForbiddenSky, angle_between
+from rf_pointing.planning.horizon import HorizonMask
 from rf_pointing.planning.limits import AxisLimits, MachineParams
 from rf_pointing.planning.profile import PassProfile
 

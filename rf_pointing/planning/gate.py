@@ -12,7 +12,8 @@ from dataclasses import dataclass
 
 from rf_pointing.core import AXES, Params, parameter, require_choice, require_finite
 from rf_pointing.core.types import Array, Pair
-from rf_pointing.planning.forbidden_sky import ForbiddenSky, HorizonMask
+from rf_pointing.planning.forbidden_sky import ForbiddenSky
+from rf_pointing.planning.horizon import HorizonMask
 from rf_pointing.planning.limits import AxisLimits, AxisRates
 from rf_pointing.planning.slew import HALTING_SHARES, PathFinder
 

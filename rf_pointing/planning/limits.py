@@ -6,7 +6,7 @@ Time of a slew from rest to rest: t = d/v + v/a, or 2 sqrt(d/a) when v is not re
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 from rf_pointing.core import AXES, Params, parameter, require_finite
 from rf_pointing.core.pass_outcome import LEAST_SHARE
@@ -30,6 +30,10 @@ class AxisLimits(Params):
             low, high = getattr(self, f"{axis}_min_rad"), getattr(self, f"{axis}_max_rad")
             if low >= high:
                 raise ValueError(f"{axis}_min_rad={low} must be < {axis}_max_rad={high}")
+
+    def direct(self) -> Self:
+        """Return the travel that does not go over the top."""
+        return self.replace(elevation_max_rad=min(self.elevation_max_rad, 0.5 * math.pi))
 
     @cached_property
     def lowest_rad(self) -> Pair:

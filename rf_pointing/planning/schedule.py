@@ -45,11 +45,13 @@ class Candidate:
     peak_rad: float
     priority: float
     turns: tuple[tuple[Pair, Pair], ...]
+    share: float = 1.0
+    """Share of the worth that counts: of a part of a pass, or below a sky that may be cloudy."""
 
     @property
     def worth(self) -> float:
         """Worth of the pass among those of its priority."""
-        return _COUNT_WORTH + math.sin(self.peak_rad)
+        return self.share * (_COUNT_WORTH + math.sin(self.peak_rad))
 
 
 def turns_within(

@@ -7,10 +7,17 @@ from typing import Any
 
 import numpy as np
 
-from rf_pointing.controllers.position_loop import FEEDFORWARD_LAG_S
+from rf_pointing.core import MDEG
 from rf_pointing.identification import CrossCheck, Recording, ResponseStudy, StraightCheck, modes_of, save_models
-from rf_pointing.identification.tuning import tuned_loop
-from rf_pointing.report.picture_style import AXIS_COLOURS, DASHED, LIMIT_COLOUR, figure, marked_level
+from rf_pointing.report.picture_style import (
+    ALONE_COLOUR,
+    AXIS_COLOURS,
+    DASHED,
+    LIMIT_COLOUR,
+    figure,
+    marked_level,
+)
+from rf_pointing.station.antenna.tuning import AxisModel, TunedAxis, loop_curves
 
 LEAST_COHERENCE = 0.8
 _MEASURED, _MODEL = AXIS_COLOURS
@@ -31,31 +38,8 @@ def write_identification(folder: Path, studies: Sequence[ResponseStudy], provena
     rows = [_row(response) for response in studies]
     (folder / "errors.json").write_text(json.dumps(rows, indent=1) + "\n")
     (folder / "errors.txt").write_text(error_table(studies) + "\n")
-    (folder / "loops.yaml").write_text(tuning_block(studies))
     for response in studies:
         draw_response(folder / f"{response.driven}_to_{response.shown}.png", response)
-
-
-def tuning_block(studies: Sequence[ResponseStudy]) -> str:
-    """Return the loops tuned on the identified axes, as the lines that a description takes."""
-    lines = ["tuning:"]
-    for one in studies:
-        if one.driven != one.shown:
-            continue
-        try:
-            loop = tuned_loop(one.identified.model)
-        except ValueError as error:
-            lines.append(f"  # loops.{one.driven}: {error}")
-            continue
-        lead_s = loop.lag_s + FEEDFORWARD_LAG_S
-        lines += [
-            f"  # |S| <= {loop.sensitivity:.2f} on the identified response: gain margin 2, phase margin 29 deg",
-            f"  loops.{one.driven}:",
-            f"    {{proportional_gain: {loop.proportional_gain:.4g}, integral_gain: {loop.integral_gain:.4g},",
-            f"     feedforward_lead_s: {lead_s:.4f}, drive_lag_s: {loop.lag_s:.4f},",
-            "     notch_enabled: false, shaping_enabled: false}",
-        ]
-    return "\n".join(lines) + "\n"
 
 
 def error_table(studies: Sequence[ResponseStudy]) -> str:
@@ -129,3 +113,33 @@ def draw_response(path: Path, response: ResponseStudy) -> None:
         hankel.axvline(order + 0.5, color=LIMIT_COLOUR, lw=0.9, ls=DASHED)
         hankel.annotate(f"order of the model: {order}", (order + 0.8, 0.3), color=LIMIT_COLOUR, fontsize=9.0)
         hankel.set(xlabel="number", ylabel="Hankel singular\nvalue, relative")
+
+
+def draw_loops(
+    path: Path,
+    rows: Sequence[tuple[TunedAxis, TunedAxis | None, AxisModel]],
+    wind_m_s: float,
+    gusts: Mapping[str, float],
+) -> None:
+    """Save sensitivity, step and wind response of tuned axes and of their loops before as PNG."""
+    with figure(path, 4.5 * len(rows) + 1.0, 9.0) as drawn:
+        panels = drawn.subplots(3, len(rows), squeeze=False)
+        for (sensitivity, step, wind), (tuned, before, axis) in zip(panels.T, rows, strict=True):
+            unit = gusts.get(tuned.name, 1.0) / (MDEG if gusts else 1.0)
+            for one, colour, label in ((before, ALONE_COLOUR, "before"), (tuned, _MODEL, "tuned")):
+                if one is None or not np.isfinite(one.worst_peak):
+                    continue
+                shown = loop_curves(one.law, axis, wind_m_s)
+                frequency_hz = shown.frequency_hz
+                sensitivity.loglog(frequency_hz, shown.sensitivity, color=colour, label=label)
+                step.plot(shown.time_s, shown.step, color=colour)
+                wind.semilogx(frequency_hz, unit * shown.running_rms, color=colour)
+            peak = tuned.margins.peak_sensitivity
+            band_hz = (1e-3 / axis.sample_s, 0.5 / axis.sample_s)
+            marked_level(sensitivity, peak, f"{peak:.2f}")
+            sensitivity.set(ylabel="|S|", xlabel="frequency, Hz", xlim=band_hz, ylim=(1e-3, 4.0))
+            sensitivity.set_title(tuned.name, loc="left")
+            sensitivity.legend(loc="lower right")
+            step.set(ylabel="encoder after a unit step", xlabel="s")
+            name = "mdeg" if gusts else "rad per rad/s$^2$"
+            wind.set(ylabel=f"rms error below f, {name}", xlabel="frequency, Hz", xlim=band_hz)

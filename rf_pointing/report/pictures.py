@@ -14,7 +14,7 @@ from rf_pointing.core import AXES, MDEG
 from rf_pointing.core.modes import Mode
 from rf_pointing.core.pass_outcome import SIDELOBE_DB, pointing_loss_db, received_power
 from rf_pointing.core.types import Array
-from rf_pointing.planning.forbidden_sky import horizon_from_notes
+from rf_pointing.planning.horizon import horizon_from_notes
 from rf_pointing.report.analysis import Analysis, ErrorSeries, tracking_modes
 from rf_pointing.report.picture_style import (
     ALONE_COLOUR,

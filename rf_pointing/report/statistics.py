@@ -11,7 +11,7 @@ from rf_pointing.core import AXES, MDEG
 from rf_pointing.core.dates import utc_text
 from rf_pointing.core.modes import Sensor
 from rf_pointing.core.types import Array, IntArray
-from rf_pointing.planning.forbidden_sky import HORIZON_NOTE
+from rf_pointing.planning.horizon import HORIZON_NOTE
 from rf_pointing.report.analysis import Analysis, ErrorSeries, Interval, Timeline, statistics_of, tracking_modes
 from rf_pointing.report.outcome import verdict
 from rf_pointing.report.recording import Pass, Recording

@@ -1,12 +1,24 @@
-"""Goals of a pass from messages, like `convert.py`."""
+"""Goals of a pass and of a scan from messages, like `convert.py`."""
 
-from rf_pointing_msgs.action import TrackPass
+from rf_pointing_msgs.action import Scan, TrackPass
 
 from rf_pointing.ros.convert import pair
 from rf_pointing.ros.convert_planning import pass_from_message
+from rf_pointing.ros.stamps import seconds_from_stamp
 from rf_pointing.station.clients.goals import PassGoal
+from rf_pointing.tracking.scan_program import ScanProgramParams
 
-_, _goal_from_message = pair(PassGoal, TrackPass.Goal, window=None)
+_, _goal_from_message = pair(PassGoal, TrackPass.Goal, window=None, scan=None)
+scan_to_message, _scan_from_message = pair(ScanProgramParams, Scan.Goal, baseline_s="baseline_time")
+
+
+def goal_of_scan(message: Scan.Goal) -> PassGoal:
+    if not message.satellite:
+        raise ValueError("satellite='' must name what is scanned")
+    return PassGoal(
+        satellite=message.satellite, near_t_s=seconds_from_stamp(message.near),
+        minimum_peak_elevation_rad=message.minimum_peak_elevation, scan=_scan_from_message(message),
+    )  # fmt: skip
 
 
 def goal_from_message(message: TrackPass.Goal) -> PassGoal:

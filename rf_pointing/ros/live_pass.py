@@ -82,15 +82,18 @@ def outcome_line(result: TrackPass.Result) -> str:
 
 
 class LivePass:
-    """One pass of the controller in the namespace of `run`."""
+    """One pass of the controller in the namespace of `run`, a goal of the action `NAME`."""
+
+    KIND: Any = TrackPass
+    NAME = "track_pass"
 
     def __init__(self, run: GraphRun) -> None:
         self._run, self._line = run, LiveLine(0.2)
-        self.client = ActionClient(run.node, TrackPass, "track_pass")
+        self.client = ActionClient(run.node, self.KIND, self.NAME)
         self._certificate: PassCertificate | None = None
         run.node.create_subscription(PassCertificate, "pass_certificate", self._note_certificate, LATCHED)
 
-    def begin(self, goal: TrackPass.Goal) -> Any:
+    def begin(self, goal: Any) -> Any:
         """Send the goal, print the certificate, and return the handle of the goal."""
         # A running station has kept the certificate of another pass.
         self._certificate = None
@@ -108,9 +111,9 @@ class LivePass:
                 print(line, file=sys.stderr)
         return handle
 
-    def result(self, handle: Any) -> TrackPass.Result:
-        """Wait for the end of the pass, and return what it gave."""
-        found: TrackPass.Result = self._run.result(handle)
+    def result(self, handle: Any) -> Any:
+        """Wait for the end of the pass, and return what it gave, a result of the action."""
+        found = self._run.result(handle)
         self._line.end()
         return found
 

@@ -132,7 +132,7 @@ class StationClient(GraphRun):
 
     def show_journal(self, *, count: int = 30) -> bool:
         """Print the last lines of the executive's journal; NotStartedError if it is elsewhere."""
-        folder = Path(str(self._parameter(EXECUTIVE, "executive.folder"))).expanduser()
+        folder = Path(str(self.parameter(EXECUTIVE, "executive.folder"))).expanduser()
         if not (path := folder / "journal.jsonl").is_file():
             raise NotStartedError(f"no journal at {path} on this computer")
         for line in read_whole(path, JOURNAL_BYTES).splitlines()[-count:]:
@@ -399,7 +399,8 @@ class StationClient(GraphRun):
         self.until(future.done, f"an answer of {name}")
         return future.result()
 
-    def _parameter(self, node: str, name: str) -> Any:
+    def parameter(self, node: str, name: str) -> Any:
+        """Return the value of a parameter of a node of the station, None where it has none."""
         found = self._call(GetParameters, f"{node}/get_parameters", GetParameters.Request(names=[name]))
         return parameter_value_to_python(found.values[0]) if found.values else None
 
@@ -407,7 +408,7 @@ class StationClient(GraphRun):
         """Return the file of the antenna's key, "" where this user or computer has none."""
         if self._given_key is not None:
             return str(self._given_key)
-        path = self._parameter(OWNER, "command_key_file")
+        path = self.parameter(OWNER, "command_key_file")
         return path if path and Path(path).is_file() and Path(path).stat().st_uid == os.getuid() else ""
 
 

@@ -1,14 +1,16 @@
-"""The action `track_pass`, and what the goals of the controller send (the port of `PassGoals`).
+"""The actions `track_pass` and `scan`, and what the goals send (the port of `PassGoals`).
 
 Publishes: joint_trajectory, command_signature, tracking_status, pass_certificate.  Calls
 ephemeris_publisher/select_target for a pass by satellite and time.
 """
 
 import time
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from rf_pointing_msgs import msg as ours
-from rf_pointing_msgs.action import TrackPass
+from rf_pointing_msgs.action import Scan, TrackPass
 from rf_pointing_msgs.srv import SelectTarget
 from sensor_msgs.msg import JointState
 
@@ -17,7 +19,7 @@ from rf_pointing.core import JointTrajectory as Trajectory
 from rf_pointing.ephemeris import Pass
 from rf_pointing.planning import Certificate
 from rf_pointing.ros import convert, convert_planning
-from rf_pointing.ros.convert_goals import goal_from_message
+from rf_pointing.ros.convert_goals import goal_from_message, goal_of_scan
 from rf_pointing.ros.graph import STATION_IN_USE
 from rf_pointing.ros.managed import ManagedNode
 from rf_pointing.ros.qos import IN_USE, LATCHED, STREAM
@@ -49,10 +51,14 @@ class TrackPassServer:
         self._goals: Any = None
         self._handle: Any = None
         self._ephemeris = node.create_client(SelectTarget, "ephemeris_publisher/select_target")
-        node.serve_goals(
-            TrackPass, "track_pass", accepts=self._accepts, begin=self._begin, cancel=lambda: self._goals.cancel(),
-            result=self._result, lost="pointing_controller was killed in the pass; send the goal again",
-        )  # fmt: skip
+        self._kind: Any = TrackPass
+        served = (TrackPass, "track_pass", goal_from_message), (Scan, "scan", goal_of_scan)
+        for kind, name, read in served:
+            node.serve_goals(
+                kind, name, accepts=self._accepts, begin=partial(self._begin, kind, read),
+                cancel=lambda: self._goals.cancel(), result=self._result,
+                lost="pointing_controller was killed in the pass; send the goal again",
+            )  # fmt: skip
 
     def configure(self, goals: PassGoals, key: CommandKeyParams) -> None:
         """Serve these goals, and sign their commands."""
@@ -72,10 +78,10 @@ class TrackPassServer:
         self._node.log_once("goal refused", why, error=True)
         return False
 
-    def _begin(self, handle: Any) -> None:
-        self._handle = handle
+    def _begin(self, kind: Any, read: Callable[[Any], PassGoal], handle: Any) -> None:
+        self._handle, self._kind = handle, kind
         try:
-            goal = goal_from_message(handle.request)
+            goal = read(handle.request)
         except ValueError as error:
             self._goals.reject(str(error))
         else:
@@ -85,8 +91,11 @@ class TrackPassServer:
         window = self._goals.window
         return ours.Pass() if window is None else convert_planning.pass_to_message(window)
 
-    def _result(self) -> TrackPass.Result:
-        return TrackPass.Result(**self._goals.outcome(), target_pass=self._window())
+    def _result(self) -> Any:
+        given = self._goals.outcome()
+        kept = self._kind.Result.get_fields_and_field_types()
+        mine = {name: given[name] for name in given if name in kept}
+        return self._kind.Result(**mine, target_pass=self._window())
 
     # The port of the goals
 
@@ -114,7 +123,7 @@ class TrackPassServer:
         self._certificates.publish(convert_planning.certificate_to_message(certificate))
 
     def feed_back(self, progress: float) -> None:
-        feedback = TrackPass.Feedback(status=self._message, progress=progress, target_pass=self._window())
+        feedback = self._kind.Feedback(status=self._message, progress=progress, target_pass=self._window())
         self._handle.publish_feedback(feedback)
 
     def warn(self, alarm: str) -> None:

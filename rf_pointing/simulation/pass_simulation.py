@@ -33,6 +33,7 @@ from rf_pointing.station.pointing.controller import PointingController
 from rf_pointing.station.pointing.params import ControllerParams
 from rf_pointing.tracking import MonopulseTracker
 from rf_pointing.tracking.power_tracker import NODE, CarrierTracker, PowerTracker, PowerTrackerParams
+from rf_pointing.tracking.scan_program import ScanProgramParams
 from rf_pointing.tracking.sensors import SENSORS, load_trackers
 
 EARLY_TARGET_S = 5.0
@@ -53,6 +54,8 @@ class PassLog:
     certificate: Certificate | None = None
     fault: str = ""
     """The fault that was latched at the end, "" without one."""
+    ended: str = ""
+    """Why the controller has ended the pass, "" where the log ends before."""
 
     def errors_rad(self, *modes: str) -> Array:
         """Return the true errors (n, 2) of the clusters in these modes (all when none is named)."""
@@ -173,11 +176,12 @@ def simulate_pass(
     start_t_s: float,
     sensor: str = "",
     on_reception: Callable[[Reception], object] | None = None,
+    scan: ScanProgramParams | None = None,
 ) -> PassLog:
     """Return the log of one pass, from `start_t_s` (time to slew included) to loss of signal.
 
     Without a `sensor` the station's default one tracks.  `on_reception` is called with every
-    reception.
+    reception.  With a `scan` program track is scanned by it, and the log ends with the scan.
     """
     track, sensor = setup.track(), setup.station.chosen_sensor(sensor, setup.band)
     if sensor == Sensor.ARRAY and setup.array is None:
@@ -190,7 +194,7 @@ def simulate_pass(
     log = PassLog()
     pointed = PointedAntenna(antenna, controller, track, start_t_s, window.aos_t_s - EARLY_TARGET_S)
     controller.plan.take_profiles([pass_profile(track, window)])
-    controller.start(start_t_s, window, sensor)
+    controller.start(start_t_s, window, sensor, scan)
     log.certificate = controller.plan.certificate
     mode = controller.state.mode
     for _, tick in ticks(pointed, round((window.los_t_s - start_t_s) / antenna.params.tick_s) - 1, first=1):
@@ -220,5 +224,7 @@ def simulate_pass(
             log.mode.append(mode)
             if on_reception is not None:
                 on_reception(reception)
-    log.fault = antenna.safety.latch.text
+        if scan is not None and not controller.busy:
+            break
+    log.fault, log.ended = antenna.safety.latch.text, controller.statistics.reason
     return log

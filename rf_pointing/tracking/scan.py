@@ -53,6 +53,17 @@ class Scan(Protocol):
         """Return the motion of the beam, from its start."""
 
 
+def growth(t_s: float, ramp_s: float) -> tuple[float, float]:
+    """Return the share of an amplitude that grows from 0 to 1 in `ramp_s`, and its rate.
+
+    The quintic 10 s^3 - 15 s^4 + 6 s^5, at rest at both ends.
+    """
+    if t_s >= ramp_s:
+        return 1.0, 0.0
+    s = max(t_s, 0.0) / ramp_s
+    return s**3 * (10.0 - 15.0 * s + 6.0 * s**2), 30.0 * s**2 * (1.0 - s) ** 2 / ramp_s
+
+
 @dataclass(frozen=True, kw_only=True)
 class ScanParams(Params):
     """Radius and period of the conical scan."""
@@ -69,13 +80,9 @@ class ScanParams(Params):
         """Return the scan offset `t_since_start_s` after the start; zero before it."""
         if t_since_start_s <= 0.0:
             return Offset(0.0, 0.0, 0.0, 0.0)
-        radius, radius_rate = self.radius_rad, 0.0
         # Without a ramp the command would jump by the radius, and the axes would ring.
-        if t_since_start_s < self.ramp_s:
-            # The quintic 10 s^3 - 15 s^4 + 6 s^5, at rest at both ends.
-            s = t_since_start_s / self.ramp_s
-            radius = self.radius_rad * (s**3 * (10.0 - 15.0 * s + 6.0 * s**2))
-            radius_rate = self.radius_rad * 30.0 * s**2 * (1.0 - s) ** 2 / self.ramp_s
+        share, change = growth(t_since_start_s, self.ramp_s)
+        radius, radius_rate = self.radius_rad * share, self.radius_rad * change
         rate = 2.0 * math.pi / self.period_s
         cosine, sine = math.cos(rate * t_since_start_s), math.sin(rate * t_since_start_s)
         return Offset(

@@ -11,6 +11,7 @@ on; then back to the middle and again.
 
 import math
 from bisect import bisect_right
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import accumulate, pairwise
 
@@ -18,7 +19,7 @@ import numpy as np
 
 from rf_pointing.core import MDEG, Params, parameter
 from rf_pointing.core.derived import BandNumbers, Rows, rounded, tuned
-from rf_pointing.core.types import Array
+from rf_pointing.core.types import Array, Pair
 from rf_pointing.tracking.scan import Offset
 
 # Newton's method for the angle of a length begins no more than 1/250 of a turn away: its error,
@@ -130,6 +131,62 @@ class SpiralSearch:
         return np.asarray(np.min(limits, axis=0))
 
 
+class Legs:
+    """Straight legs from rest to rest, each a trapezoid of speed, with a rest at the end of each.
+
+    `corners` (n) are the ends of the legs; `rates_rad_s` and `rests_s` (n - 1) belong to one each.
+    """
+
+    def __init__(
+        self,
+        corners: Sequence[Pair],
+        rates_rad_s: Sequence[float],
+        acceleration_rad_s2: float,
+        rests_s: Sequence[float] | None = None,
+    ) -> None:
+        self._rates, self._acceleration = rates_rad_s, acceleration_rad_s2
+        self._legs = list(pairwise(corners))
+        ways = [self._leg_time_s(leg) for leg in range(len(self._legs))]
+        rests = rests_s or [0.0] * len(ways)
+        self._starts = [0.0, *accumulate(map(sum, zip(ways, rests, strict=True)))]
+
+    @property
+    def duration_s(self) -> float:
+        """Time until the last rest is over."""
+        return self._starts[-1]
+
+    def at(self, t_s: float) -> Offset:
+        """Return place and rates `t_s` after the start, those of the ends outside of it."""
+        within_s = min(max(t_s, 0.0), math.nextafter(self.duration_s, 0.0))
+        leg = bisect_right(self._starts, within_s) - 1
+        (x0, y0), (x1, y1) = self._legs[leg]
+        if not (length := math.hypot(x1 - x0, y1 - y0)):
+            return Offset(x0, y0, 0.0, 0.0)
+        way, speed = self._way(within_s - self._starts[leg], leg, length)
+        cosine, sine = (x1 - x0) / length, (y1 - y0) / length
+        return Offset(x0 + way * cosine, y0 + way * sine, speed * cosine, speed * sine)
+
+    def _peak_rad_s(self, leg: int, length: float) -> float:
+        return min(self._rates[leg], math.sqrt(self._acceleration * length))
+
+    def _leg_time_s(self, leg: int) -> float:
+        if not (length := math.dist(*self._legs[leg])):
+            return 0.0
+        peak = self._peak_rad_s(leg, length)
+        return length / peak + peak / self._acceleration
+
+    def _way(self, t: float, leg: int, length: float) -> tuple[float, float]:
+        """Return distance and speed on a leg after `t`: a trapezoid of speed, then rest."""
+        peak = self._peak_rad_s(leg, length)
+        ramp_s, total_s = peak / self._acceleration, self._leg_time_s(leg)
+        if t < ramp_s:
+            return 0.5 * self._acceleration * t**2, self._acceleration * t
+        if t > total_s - ramp_s:
+            left_s = max(total_s - t, 0.0)
+            return length - 0.5 * self._acceleration * left_s**2, self._acceleration * left_s
+        return peak * (t - 0.5 * ramp_s), peak
+
+
 class StripSearch:
     """Covers +-`half_length_rad` along the track and +-`half_width_rad` across it in strips."""
 
@@ -141,43 +198,17 @@ class StripSearch:
         rate_rad_s: float,
         acceleration_rad_s2: float,
     ) -> None:
-        self._rate, self._acceleration = rate_rad_s, acceleration_rad_s2
         corners = _corners(half_length_rad, math.ceil(max(half_width_rad / pitch_rad - 0.5, 0.0)), pitch_rad)
-        self._legs = list(pairwise(corners))
-        self._starts = [0.0, *accumulate(self._leg_time_s(math.dist(*leg)) for leg in self._legs)]
+        self._legs = Legs(corners, [rate_rad_s] * (len(corners) - 1), acceleration_rad_s2)
 
     @property
     def duration_s(self) -> float:
         """Time until everything was passed once and the beam is back in the middle."""
-        return self._starts[-1]
+        return self._legs.duration_s
 
-    def offset(self, t_since_start_s: float) -> tuple[float, float, float, float]:
+    def offset(self, t_since_start_s: float) -> Offset:
         """Return the offset along and left of the track, with rates; at rest before the start."""
-        within_s = max(t_since_start_s, 0.0) % self.duration_s
-        leg = bisect_right(self._starts, within_s) - 1
-        (x0, y0), (x1, y1) = self._legs[leg]
-        length = math.hypot(x1 - x0, y1 - y0)
-        way, speed = self._way(within_s - self._starts[leg], length)
-        cosine, sine = (x1 - x0) / length, (y1 - y0) / length
-        return (x0 + way * cosine, y0 + way * sine, speed * cosine, speed * sine)
-
-    def _peak_rad_s(self, length: float) -> float:
-        return min(self._rate, math.sqrt(self._acceleration * length))
-
-    def _leg_time_s(self, length: float) -> float:
-        peak = self._peak_rad_s(length)
-        return length / peak + peak / self._acceleration
-
-    def _way(self, t: float, length: float) -> tuple[float, float]:
-        """Return distance and speed on a leg of `length` after `t`: a trapezoid of speed."""
-        peak = self._peak_rad_s(length)
-        ramp_s, total_s = peak / self._acceleration, self._leg_time_s(length)
-        if t < ramp_s:
-            return 0.5 * self._acceleration * t**2, self._acceleration * t
-        if t > total_s - ramp_s:
-            left_s = total_s - t
-            return length - 0.5 * self._acceleration * left_s**2, self._acceleration * left_s
-        return peak * (t - 0.5 * ramp_s), peak
+        return self._legs.at(max(t_since_start_s, 0.0) % self.duration_s)
 
 
 def _corners(half_length: float, strips: int, pitch: float) -> list[tuple[float, float]]:

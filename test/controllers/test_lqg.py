@@ -10,7 +10,7 @@ import pytest
 
 from rf_pointing.controllers import LqgDesign, LqgLoop, LqgLoopParams, load_lqg_designs
 from rf_pointing.controllers.lqg import LqgWeights
-from rf_pointing.papers.design_lqg import as_mapping, controller_system, design_lqg, drive_of, save_lqg_designs
+from rf_pointing.controllers.lqg_design import as_mapping, design_lqg, save_lqg_designs
 
 SAMPLE_S = 0.02
 WEIGHTS = LqgWeights(
@@ -49,22 +49,8 @@ def design() -> LqgDesign:
     return design_lqg(*modal_antenna(), SAMPLE_S, WEIGHTS)
 
 
-def test_drive_is_read_off_the_model() -> None:
-    bandwidth, gain = drive_of(*modal_antenna()[:3], SAMPLE_S)
-    assert bandwidth == pytest.approx(20.0, rel=1e-4)
-    assert gain == pytest.approx(1.0, rel=1e-4)
-
-
-def test_state_gain_solves_the_riccati_equation(design: LqgDesign) -> None:
-    a, b = design.a[:6, :6], design.b[:6]
-    price = np.diag([1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
-    cost, _, _ = control.dare(a, b, price, np.array([[WEIGHTS.control_weight]]))
-    gain = np.linalg.solve(WEIGHTS.control_weight + b.T @ cost @ b, b.T @ cost @ a)
-    np.testing.assert_allclose(design.state_gain[:, :6], gain, rtol=1e-8)
-
-
 def test_margins_are_those_of_the_loop_on_the_whole_model(design: LqgDesign) -> None:
-    law = controller_system((design.a, design.b, design.c), design.state_gain, design.observer_gain, WEIGHTS, SAMPLE_S)
+    law = control.ss(*design.matrices(SAMPLE_S), SAMPLE_S)
     omega = np.geomspace(0.1, 150.0, 20_000)
     sensitivity = 1.0 / np.abs(1.0 + (antenna() * law)(np.exp(1j * omega * SAMPLE_S)))
     assert design.peak_sensitivity == pytest.approx(np.max(sensitivity), rel=0.01)
@@ -75,13 +61,12 @@ def test_margins_are_those_of_the_loop_on_the_whole_model(design: LqgDesign) -> 
 
 def test_the_running_law_is_the_designed_system_and_that_of_its_matrices(design: LqgDesign) -> None:
     errors = 1e-4 * np.random.default_rng(4).standard_normal(200)
-    law = controller_system((design.a, design.b, design.c), design.state_gain, design.observer_gain, WEIGHTS, SAMPLE_S)
     loop, ours = LqgLoop(design, LqgLoopParams(rate_limit_rad_s=10.0)), []
     for error in errors:
         ours.append(loop.output(error, 0.0, 0.0))
         loop.update(SAMPLE_S, ours[-1])
-    for system in (law, control.ss(*design.matrices(SAMPLE_S), SAMPLE_S)):
-        np.testing.assert_allclose(ours, control.forced_response(system, inputs=errors).outputs, atol=1e-12)
+    system = control.ss(*design.matrices(SAMPLE_S), SAMPLE_S)
+    np.testing.assert_allclose(ours, control.forced_response(system, inputs=errors).outputs, atol=1e-12)
     with pytest.raises(ValueError, match=r"sample_s=0.03 must be 0.02, the sampling time of the LQG design"):
         design.matrices(0.03)
 

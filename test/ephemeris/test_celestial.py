@@ -20,7 +20,7 @@ from rf_pointing.ephemeris import (
     site,
     sun,
 )
-from rf_pointing.ephemeris.celestial import CelestialTarget, RadioSource
+from rf_pointing.ephemeris.celestial import PLANETS, CelestialTarget, RadioSource, moon_phase_rad, own_place, planet
 from rf_pointing.ephemeris.time_scales import POSIX_EPOCH_JD, TT_MINUS_TAI_S, utc_from_tai_s
 
 ASTROPY = json.loads((Path(__file__).parent / "data" / "astropy.json").read_text())
@@ -141,3 +141,52 @@ def test_a_body_ahead_of_its_time_is_where_it_will_be_while_the_earth_waits(name
     back = np.array([c * later[0] - s * later[1], s * later[0] + c * later[1], later[2]])
     # The pole moves by less than a microradian in two hours.
     np.testing.assert_allclose(back / np.linalg.norm(later), waiting / np.linalg.norm(waiting), rtol=0.0, atol=1e-6)
+
+
+def apart_on(utc: str, one: CelestialTarget, other: CelestialTarget) -> float:
+    """Return the angle between two bodies over Goldstone, in deg."""
+    looks = [
+        TopocentricTrack(body, site("Goldstone DSS-13"), refraction=None).target_at(from_utc_text(utc))
+        for body in (one, other)
+    ]
+    angles = [angle for look in looks for angle in (look.azimuth_rad, look.elevation_rad)]
+    return math.degrees(angular_distance_rad(*angles))
+
+
+def test_planets_meet_when_and_as_near_as_was_seen() -> None:
+    """The great conjunction of 2020 (0.102 deg), the transit of Venus of 2012 (554 arcsec)."""
+    largest = (PLANETS["Jupiter"] + PLANETS["Saturn"]) / 3600.0
+    assert apart_on("2020-12-21T18:22:00", planet("Jupiter"), planet("Saturn")) == pytest.approx(0.1017, abs=largest)
+    # Seen from Goldstone Venus is up to its parallax against the Sun, 23 arcsec, off the value of the geocentre.
+    assert apart_on("2012-06-06T01:29:28", planet("Venus"), sun()) == pytest.approx(554 / 3600, abs=(5 + 23) / 3600)
+
+
+def test_a_place_of_ones_own_is_that_of_the_catalogue_and_moves_with_its_proper_motion() -> None:
+    t_s = from_utc_text("2026-11-26T18:00:00")
+    crab, own = RADIO_SOURCES["Taurus A"], own_place("radec 83.6330833333 22.0145")
+    assert apart_on("2026-11-26T18:00:00", own.target(), crab.target()) < 1e-6
+    # Barnard's star: 10.393 arcsec a year, against SOFA's own propagation without parallax.
+    star = "radec 269.452075 4.693391 -801.551 10362.394 2000.0"
+    moved = erfa.starpm(
+        math.radians(269.452075), math.radians(4.693391),
+        math.radians(-801.551 / 3.6e6) / math.cos(math.radians(4.693391)), math.radians(10362.394 / 3.6e6),
+        0.547, 0.0, 2451545.0, 0.0, *utc_date(t_s),
+    )  # fmt: skip
+    there = RadioSource("there", moved[0] % math.tau, moved[1])
+    assert apart_on("2026-11-26T18:00:00", own_place(star).target(), there.target()) < 1e-4
+    assert apart_on("2026-11-26T18:00:00", own_place(star.replace("10362.394", "0")).target(), there.target()) > 0.07
+
+
+@pytest.mark.parametrize(
+    ("text", "words"), [("radec 10", "must be radec RA DEC"), ("radec 10 north", "'north' must be")]
+)
+def test_a_place_that_cannot_be_read_is_refused(text: str, words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        own_place(text)
+
+
+def test_the_phase_of_the_moon_is_zero_in_a_lunar_eclipse_and_half_a_turn_in_one_of_the_sun() -> None:
+    """Greatest eclipses of 2025-03-14 and 2024-04-08, which are within 0.5 h of the opposition."""
+    assert math.degrees(moon_phase_rad(from_utc_text("2025-03-14T06:59:00"))) == pytest.approx(0.0, abs=0.3)
+    assert abs(math.degrees(moon_phase_rad(from_utc_text("2024-04-08T18:17:00")))) == pytest.approx(180.0, abs=0.3)
+    assert math.degrees(moon_phase_rad(from_utc_text("2025-03-15T06:59:00"))) == pytest.approx(12.0, abs=2.0)

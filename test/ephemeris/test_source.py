@@ -61,14 +61,6 @@ def test_a_file_gives_the_same_track_as_the_verification_set(cbers_2: Path) -> N
     assert ours.target_at(t_s).azimuth_rad == pytest.approx(theirs.target_at(t_s).azimuth_rad, abs=1e-6)
 
 
-def test_offsets_move_the_target_against_its_elements() -> None:
-    t_s = load_elements(SourceParams()).epoch_t_s + 4000.0
-    ahead = load_track(SourceParams(along_track_offset_s=10.0)).target_at(t_s)
-    later = load_track(SourceParams()).target_at(t_s + 10.0)
-    # Ten seconds of the Earth's turning remain.
-    assert ahead.elevation_rad == pytest.approx(later.elevation_rad, abs=1e-3)
-
-
 def test_a_missing_file_is_named() -> None:
     with pytest.raises(ValueError, match=r"elements='/nowhere/x.tle' does not exist"):
         load_elements(SourceParams(elements="/nowhere/x.tle"))

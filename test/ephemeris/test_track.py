@@ -218,14 +218,6 @@ def test_cross_track_offset_lies_to_the_right_of_the_motion(
     ) == pytest.approx(abs(offset_mdeg) * MDEG, abs=1e-9)
 
 
-def test_offsets_can_be_read_back_and_do_not_touch_the_old_track(track: TopocentricTrack) -> None:
-    moved = track.with_offsets(along_track_offset_s=1.5, cross_track_offset_rad=2e-4)
-    assert moved.offsets.along_track_offset_s == 1.5
-    assert moved.offsets.cross_track_offset_rad == 2e-4
-    assert not any(track.offsets.offsets.values())
-    assert moved.refraction == track.refraction
-
-
 def test_hold_freezes_the_direction_and_zeroes_the_rates(track: TopocentricTrack) -> None:
     start = track.target_at(1151384600.0)
     held = track.with_offsets(along_track_offset_s=0.0, cross_track_offset_rad=0.0, hold_t_s=1151384600.0)

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rf_pointing.identification import Recording, StateSpace, modes_of, save_models
+from rf_pointing.identification import Recording, StateSpace, load_models, modes_of, save_models
 from rf_pointing.identification.identify import IdentificationParams, identify
 from rf_pointing.identification.spectra import frequency_response
 from rf_pointing.identification.study import check_cross, check_straight, study
@@ -157,7 +157,7 @@ def test_models_are_written_with_what_they_are_of_their_worst_error_and_their_pr
     text = path.read_text()
     kept = json.loads(text)
     assert text == json.dumps(kept, indent=1) + "\n"
-    assert kept["format"] == "rf_pointing identified models 1"
+    assert kept["format"] == "rf_pointing identified models 2"
     assert len(kept["responses"]) == 2
     first = kept["responses"][0]
     model = found.identified.model
@@ -168,3 +168,8 @@ def test_models_are_written_with_what_they_are_of_their_worst_error_and_their_pr
     back = StateSpace(*(np.array(first[name]) for name in "abcd"), sample_s=first["sample_s"])
     np.testing.assert_array_equal(back.response([0.7, 2.0]), model.response([0.7, 2.0]))
     assert first["hankel"] == found.identified.hankel.tolist()
+    loaded = load_models(path)["elevation"]
+    np.testing.assert_array_equal(loaded.model.a, model.a)
+    shown = found.measured.valid() & (found.measured.frequency_hz > 0.0)
+    np.testing.assert_array_equal(loaded.measured, found.measured.response[shown])
+    assert loaded.error == found.worst_error

@@ -12,15 +12,10 @@ from rf_pointing.papers import servo_sampled
 from rf_pointing.papers.servo_linear import closed_loop, stability_limit_hz
 from rf_pointing.papers.servo_monopulse import PLAIN
 from rf_pointing.papers.servo_pass import PassSetup, fly
-from rf_pointing.papers.servo_sampled import (
-    AxisResponse,
-    LawResponse,
-    Variation,
-    davenport_psd,
-    loop_quality,
-)
+from rf_pointing.papers.servo_sampled import LawResponse, loop_quality, sampled_axis
 from rf_pointing.servo import GustFilter, discretise, dss13_plant
 from rf_pointing.servo.wind import GUST_LENGTH_M
+from rf_pointing.station.antenna.axis_response import Variation, davenport_psd
 
 
 @pytest.fixture(scope="module")
@@ -55,7 +50,7 @@ def test_wind_error_of_the_frequency_domain_is_that_of_the_covariance_equation(p
     import scipy.linalg
 
     law = dss13_loops(gains)[1]
-    response = AxisResponse(plant, 1, Variation())
+    response = sampled_axis(plant, 1, Variation())
     quality = loop_quality(response, LawResponse(law), None, 8.0)
     gust = GustFilter.davenport(8.0, 0.005)
     decay, factor = gust.step_matrices(0.02)

@@ -7,16 +7,15 @@ import numpy as np
 import pytest
 
 from rf_pointing.papers.servo_sampled import (
-    AxisResponse,
     RadioLoop,
-    Variation,
-    davenport_psd,
     loop_quality,
     published_radio,
+    sampled_axis,
     station_radio,
 )
 from rf_pointing.servo import dss13_plant
 from rf_pointing.servo.linear_model import linear_model
+from rf_pointing.station.antenna.axis_response import Variation, davenport_psd
 
 FREQUENCY_HZ = np.array([0.1, 0.4, 1.1, 3.0])
 
@@ -40,7 +39,7 @@ def test_a_radio_loop_is_an_integrator_of_means_late_by_its_waits() -> None:
 def test_an_axis_has_the_responses_of_the_linear_model(axis: int) -> None:
     """To the wind in continuous time; to slow rate commands too, apart from the half sample they are held."""
     plant = dss13_plant(ideal=True)
-    model, response = linear_model(plant), AxisResponse(plant, axis, Variation())
+    model, response = linear_model(plant), sampled_axis(plant, axis, Variation())
     slow = response.frequency_hz < 0.3
     s = 2j * np.pi * response.frequency_hz[:, None, None]
     shown = np.vstack([model.encoder[axis], model.beam[axis]])

@@ -34,7 +34,7 @@ def studies() -> list[ResponseStudy]:
 def test_models_errors_and_pictures_are_written(tmp_path: Path, studies: list[ResponseStudy]) -> None:
     write_identification(tmp_path, studies, "white input")
     content = json.loads((tmp_path / "models.json").read_text())
-    assert content["format"] == "rf_pointing identified models 1"
+    assert content["format"] == "rf_pointing identified models 2"
     models = content["responses"]
     assert [(each["input"], each["output"], each["error"]) for each in models] == [
         ("elevation", "elevation", 0.001),

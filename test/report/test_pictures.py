@@ -9,7 +9,7 @@ import pytest
 from matplotlib.image import imread
 
 from rf_pointing.planning import HorizonMask
-from rf_pointing.planning.forbidden_sky import horizon_to_notes
+from rf_pointing.planning.horizon import horizon_to_notes
 from rf_pointing.report.analysis import Analysis, analyse
 from rf_pointing.report.definitions import Definitions
 from rf_pointing.report.picture_style import LIMIT_COLOUR, mode_colour, mode_runs, per_second

@@ -10,8 +10,8 @@ import pytest
 from scipy.integrate import trapezoid
 
 from rf_pointing.core import random_stream
-from rf_pointing.papers.servo_sampled import davenport_psd
 from rf_pointing.servo import GustFilter, Wind, WindParams, wind_torque_n_m
+from rf_pointing.station.antenna.axis_response import davenport_psd
 
 
 def variance_m2_s2(gust: GustFilter) -> float:

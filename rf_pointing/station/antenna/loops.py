@@ -30,10 +30,12 @@ from rf_pointing.controllers import (
     dss13_lqg_loops,
     load_lqg_designs,
 )
+from rf_pointing.controllers.margins import loop_margins, sampled_response
 from rf_pointing.core import AXES, Motion, Params, parameter
 from rf_pointing.core.types import Array
 from rf_pointing.servo import PlantParams, discretise
 from rf_pointing.servo.linear_model import linear_model
+from rf_pointing.station.antenna.axis_response import AxisResponse
 
 Law = PositionLoopParams | LqgDesign
 AnyLaw = PositionLaw[Any, Any]
@@ -46,6 +48,9 @@ _AZIMUTH, _ELEVATION = dss13_loops("tuned")
 _LQG_AZIMUTH, _LQG_ELEVATION = dss13_lqg_loops()
 EDGE = 1e-6
 """Open integrators lie on the unit circle, a double one within the root of rounding of it."""
+
+MOVED = 1.25
+"""A law is refused where the peak of its sensitivity is so many times the one it was tuned for."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,6 +113,7 @@ class AxisLoops:
         gains: Sequence[Law] = params.azimuth, params.elevation
         laws = gains if params.law == _PI else self._designs_of(params.lqg_file)
         require_stable(plant, laws, self._tick_s)
+        require_unmoved(plant, laws, self._tick_s)
         # Building places the filters below half the sampling rate, or raises.
         self._build(params)
 
@@ -177,10 +183,15 @@ class AxisLoops:
         return self._designs[1]
 
 
-def require_stable(plant: PlantParams, laws: Sequence[Law], tick_s: float) -> None:
-    """Raise ValueError, naming the axis, unless both laws are stable on the antenna."""
-    # Each axis is closed alone first, so that the reason can name it, then both together.
-    for closed in ((0,), (1,), (0, 1)):
+BOTH = (0, 1)
+
+
+def require_stable(
+    plant: PlantParams, laws: Sequence[Law], tick_s: float, axes: Sequence[int] = BOTH
+) -> None:  # fmt: skip
+    """Raise ValueError, naming the axis, unless the laws of these axes are stable on the plant."""
+    # Each axis is closed alone first, so that the reason can name it, then all together.
+    for closed in dict.fromkeys((*((axis,) for axis in axes), tuple(axes))):
         pole = closed_loop_pole(plant, laws, tick_s, closed)
         if abs(pole) > 1.0 + EDGE:
             who = " and ".join(AXES[axis] for axis in closed)
@@ -189,6 +200,28 @@ def require_stable(plant: PlantParams, laws: Sequence[Law], tick_s: float) -> No
             raise ValueError(
                 f"{gains}: the closed loop of {who} is unstable at {frequency_hz:.2f} Hz, "
                 f"spectral radius {abs(pole):.4f} must be <= 1"
+            )
+
+
+def require_unmoved(
+    plant: PlantParams, laws: Sequence[Law], tick_s: float, axes: Sequence[int] = BOTH
+) -> None:  # fmt: skip
+    """Raise ValueError, naming the axis, where a law has lost the margins it was tuned for.
+
+    A law that says no peak of its sensitivity is held to stability alone.
+    """
+    for axis in axes:
+        if (law := laws[axis]).peak_sensitivity == 0.0:
+            continue
+        known = AxisResponse.on_own_grid(plant, axis, tick_s)
+        gain = sampled_response(law.matrices(tick_s), known.frequency_hz, tick_s)[:, 0, 0]
+        found = loop_margins(known.frequency_hz, gain * known.from_command[:, 0])
+        if found.peak_sensitivity > MOVED * law.peak_sensitivity:
+            raise ValueError(
+                f"{AXES[axis]}: the plant is not the one that this law was tuned for: its "
+                f"sensitivity has a peak of {found.peak_sensitivity:.2f} at {found.peak_hz:.2f} Hz, tuned for "
+                f"{law.peak_sensitivity:.2f}, at most {MOVED:g} times as much; identify and tune "
+                f"again, or correct plant.{AXES[axis]}"
             )
 
 

@@ -2,7 +2,8 @@
 
 The real satellite runs ahead of or behind its elements by `along_track_offset_s`.  Boresights come
 in, one per control tick; every `cluster_samples` of them give a cluster of sum and difference
-samples, a carrier power and the true error.
+samples, a carrier power and the true error.  Of a body of the sky the power is the total one, in
+`noise_bandwidth_hz`: k B (T_sys + T_A), T_A that of its disc in the beam, sigma = P / sqrt(B t).
 """
 
 import math
@@ -23,6 +24,8 @@ from rf_pointing.core import (
 )
 from rf_pointing.core.types import Array
 from rf_pointing.ephemeris import TopocentricTrack
+from rf_pointing.radiometry.disc import DiscResponse
+from rf_pointing.radiometry.y_factor import source_noise_k
 from rf_pointing.rf import (
     AtmosphereParams,
     Beam,
@@ -40,7 +43,11 @@ from rf_pointing.rf import (
     SpinParams,
     spin_gain_db,
 )
+from rf_pointing.rf.noise import BOLTZMANN_J_K, atmosphere_loss_db, system_noise_k
+from rf_pointing.station.radio.sky_flux import flux_at, has_flux
 
+FARTHEST_BEAMS = 10.0
+"""Distance off the axis, in beamwidths, from which a body adds what it does there."""
 BLOCK = 50
 """Look angles computed at once: a second of ticks in one vectorised call."""
 NO_LINE_DB_HZ = -40.0
@@ -70,6 +77,11 @@ class SignalParams(Params):
     cluster_samples: int = parameter(5, "samples in one cluster", low=3, high=100)
     sample_s: float = parameter(0.02, "time between two samples, that of the boresights", low=0.001, high=0.1)
     seed: int = parameter(1, "seed of every noise source", low=0, high=2**31 - 1)
+    frequency_hz: float = parameter(8.4e9, "frequency, for the noise of bodies", low=1e6, high=1e11)
+    gain_dbi: float = parameter(68.0, "gain, for the noise of bodies", low=-10.0, high=100.0)
+    sun_flux_sfu: float = parameter(
+        0.0, "flux of the Sun here, in 1e-22 W/m^2/Hz; 0: of the quiet Sun", low=0.0, high=1e6
+    )
 
 
 class Reception(NamedTuple):
@@ -139,6 +151,9 @@ class ArrivingSignal:
             MonopulseFeed(params.feed, params.beam), MonopulseFeed(_turned_over(params.feed), params.beam)
         )  # fmt: skip
         self.feed = self._feeds[0]
+        self._disc = DiscResponse(params.beam)
+        self.elevation_rad: Array = np.zeros(0)
+        """Elevation (n,) of the source at the last boresights."""
 
     @property
     def target(self) -> str:
@@ -152,6 +167,7 @@ class ArrivingSignal:
     def at(self, t_s: Array, boresights: list[Boresight]) -> Arriving:
         """Return what arrives at even times (n,), those of the boresights."""
         azimuth, elevation, range_m, range_rate_m_s, gain_db = self._ahead.at(t_s).T
+        self.elevation_rad = elevation
         right, up = sky_offset_rad(
             azimuth, elevation, [each.azimuth_rad for each in boresights], [each.elevation_rad for each in boresights]
         )
@@ -192,6 +208,7 @@ class SimulatedReceiver(ArrivingSignal):
         self._receiver = Receiver(params.receiver, Beam(params.beam), self.feed, random, line)
         self._boresights: list[Boresight] = []
         self._newest = -1
+        self._random = random
 
     def take(self, boresight: Boresight) -> Reception | None:
         """Take one boresight; return the reception when it completes a cluster.
@@ -219,11 +236,41 @@ class SimulatedReceiver(ArrivingSignal):
         right, up, level, _ = arriving = self.at(t_s, cluster)
         self._receiver.feed = self.feed
         sample_s = float(t_s[-1] - t_s[0]) / (len(t_s) - 1)
+        taken, power = (float(t_s[-1]), sample_s * len(t_s)), self._receiver.carrier_power
         return Reception(
             self._receiver.cluster(t_s, right, up, level, sample_s),
-            self._receiver.carrier_power(float(t_s[-1]), sample_s * len(t_s), right, up, level),
+            self._total_power(*taken, cluster, arriving)
+            if has_flux(self.target, self.params.frequency_hz, taken[0])
+            else power(*taken, right, up, level),
             arriving.truth(float(t_s[-1])),
         )
+
+    def _total_power(
+        self, t_s: float, integration_s: float, boresights: list[Boresight], arriving: Arriving
+    ) -> CarrierPower:
+        """Return the noise power of the system and of the body."""
+        params, receiver = self.params, self.params.receiver
+        # The beam looks along its own elevation, whatever it is off the body.
+        elevation = np.abs([each.elevation_rad for each in boresights])
+        flux = flux_at(self.target, params.frequency_hz, t_s, params.sun_flux_sfu or None)
+        loss = 10.0 ** (0.1 * atmosphere_loss_db(params.atmosphere, elevation))
+        width = params.beam.half_power_beamwidth_rad
+        apart2 = (arriving.cross_elevation_rad**2 + arriving.elevation_rad**2) / width**2
+        # Far off there are but side lobes, which a table would reach in vain.
+        apart2 = np.minimum(apart2, FARTHEST_BEAMS**2)
+        gain = self._disc.power(apart2, flux.radius_rad / width, FARTHEST_BEAMS)
+        source_k = source_noise_k(flux, params.frequency_hz, params.gain_dbi) * gain / loss
+        # A source below the horizon is behind the Earth.
+        source_k = np.where(self.elevation_rad > 0.0, source_k, 0.0)
+        noise_k = system_noise_k(params.noise, params.atmosphere, elevation)
+        kelvin = float(np.mean(noise_k + source_k))
+        mean_w = BOLTZMANN_J_K * kelvin * receiver.noise_bandwidth_hz
+        sigma = 1.0 / math.sqrt(receiver.noise_bandwidth_hz * integration_s)
+        power_w = mean_w * (1.0 + sigma * self._random.standard_normal())
+        return CarrierPower(
+            t_s=t_s, integration_s=integration_s, power_w=power_w, sigma_w=power_w * sigma,
+            carrier_to_noise_db_hz=receiver.floor_db_hz,
+        )  # fmt: skip
 
 
 def _turned_over(feed: MonopulseFeedParams) -> MonopulseFeedParams:

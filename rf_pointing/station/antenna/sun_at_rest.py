@@ -62,9 +62,9 @@ class SunEntry:
 
     @property
     def text(self) -> str:
-        """Say when, how near, and the bound."""
+        """Say when, how near, and the bound; the same words each second until it is there."""
         return (
-            f"the Sun comes to {math.degrees(self.nearest_rad):.3f} deg from the antenna at rest, "
+            f"the Sun comes to {math.degrees(self.nearest_rad):.1f} deg from the antenna at rest, "
             f"must be >= {math.degrees(self.radius_rad):.3f} deg (sun.radius_deg), "
             f"from {utc_text(self.t_s)[:19]} on"
         )

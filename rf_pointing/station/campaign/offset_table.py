@@ -5,8 +5,9 @@
     2026-11-26T18:30:00,Moon,0.51,-0.33
 
 Offsets are those of the axes: azimuth is not multiplied by cos(elevation).  They count from the
-prediction without a model.  A target is a name or number among the elements, Sun, Moon or a radio
-source.  A fifth column `sigma_deg` may say how well the middle of the beam was found on the sky.
+prediction without a model.  A target is a name or number among the elements, Sun, Moon, a radio
+source, a planet or `radec RA DEC`.  A fifth column `sigma_deg` may say how well the middle of the
+beam was found on the sky.
 """
 
 import csv
@@ -24,13 +25,13 @@ from rf_pointing.core.refraction import RadioRefraction
 from rf_pointing.core.types import Array
 from rf_pointing.core.whole_file import DATA_BYTES, read_whole
 from rf_pointing.ephemeris import Elements, Site, TargetSource, TopocentricTrack, find_elements
-from rf_pointing.ephemeris.source import BODIES
+from rf_pointing.ephemeris.source import body_of
 
 COLUMNS = ("utc", "target", "azimuth_offset_deg", "elevation_offset_deg")
 SIGMA = "sigma_deg"
 FOUND_WITHIN = 0.1
 """Accuracy of a row without a sigma, in beamwidths: that of a peak found by hand."""
-LARGEST_DEG = 11.0
+LARGEST_DEG, FAR_M = 11.0, 1e16
 OFFSETS = ("azimuth_offset", "elevation_offset")
 TILT = ("mislevel_east", "mislevel_north")
 BENDING = ("collimation", "droop")
@@ -74,13 +75,16 @@ def read_offsets(
             rows.append((t_s, *_motion(tracks[target], t_s), *np.radians(offset), sigma))
         except ValueError as error:
             raise ValueError(f"{path}, line {number}: {error}") from None
-    t_s, azimuth, elevation, *motion, azimuth_offset, elevation_offset, sigma = np.array(sorted(rows)).T
+    t_s, azimuth, elevation, *motion, range_m, range_rate_m_s, azimuth_offset, elevation_offset, sigma = np.array(
+        sorted(rows)
+    ).T
     return Observations(
         station=station, band=band, t_s=t_s, pass_id=np.arange(len(t_s)),
         observed_azimuth_rad=azimuth + azimuth_offset, observed_elevation_rad=elevation + elevation_offset,
         true_azimuth_rad=azimuth, true_elevation_rad=elevation, azimuth_rate_rad_s=motion[0],
         elevation_rate_rad_s=motion[1], azimuth_acceleration_rad_s2=motion[2], elevation_acceleration_rad_s2=motion[3],
         sigma_azimuth_rad=sigma / np.maximum(np.cos(elevation), 1e-3), sigma_elevation_rad=sigma,
+        range_m=range_m, range_rate_m_s=range_rate_m_s,
     )  # fmt: skip
 
 
@@ -104,21 +108,24 @@ def _header(path: Path) -> list[str]:
 
 
 def _source(elements: Sequence[Elements], target: str) -> Elements | TargetSource:
-    if body := BODIES.get(target.casefold()):
-        return body()
+    if (body := body_of(target)) is not None:
+        return body
     if not elements:
-        raise ValueError(f"target={target!r} needs --elements FILE: without elements only Sun, Moon and radio sources")
+        raise ValueError(f"target={target!r} needs --elements FILE: without it only bodies")
     return find_elements(elements, target)
 
 
 def _motion(track: TopocentricTrack, t_s: float) -> list[float]:
     look = track.sample([t_s])
     names = ("azimuth", "elevation")
+    # No error of an orbit moves a star.
+    far = track.target.at_infinity
+    place = [FAR_M, 0.0] if far else [float(look.range_m[0]), float(look.range_rate_m_s[0])]
     return [
         float(getattr(look, f"{axis}{ending}")[0])
         for ending in ("_rad", "_rate_rad_s", "_acceleration_rad_s2")
         for axis in names
-    ]
+    ] + place
 
 
 def _number(row: dict[str, str], name: str) -> float:

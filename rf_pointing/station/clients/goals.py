@@ -13,13 +13,14 @@ from typing import Any, Protocol
 from rf_pointing.calibration import BiasModel
 from rf_pointing.core import JointReading, JointTrajectory
 from rf_pointing.core.dates import utc_text
-from rf_pointing.core.pass_outcome import LOSS_OF_SIGNAL
+from rf_pointing.core.pass_outcome import SCANNED
 from rf_pointing.ephemeris import Pass
 from rf_pointing.planning import Certificate
 from rf_pointing.station.pointing.certificates import StoreParams, store_certificate
 from rf_pointing.station.pointing.controller import PointingController
 from rf_pointing.station.pointing.params import ControllerParams
 from rf_pointing.station.pointing.status import Level, Report, TrackingStatus
+from rf_pointing.tracking.scan_program import ScanProgramParams
 
 FEEDBACK_S = 5.0
 """Node time between two feedbacks of one mode and level; `tracking_status` has every period."""
@@ -34,13 +35,17 @@ NEAR_S = 3600.0
 
 @dataclass(frozen=True, kw_only=True)
 class PassGoal:
-    """A pass to track: `window`, or that of a satellite nearest to `near_t_s` (0: the next one)."""
+    """A pass to track: `window`, or that of a satellite nearest to `near_t_s` (0: the next one).
+
+    With a `scan` it ends with the scan, which begins as soon as the axes are on the target.
+    """
 
     window: Pass | None = None
     satellite: str = ""
     near_t_s: float = 0.0
     minimum_peak_elevation_rad: float = 0.0
     sensor: str = ""
+    scan: ScanProgramParams | None = None
 
     def search_from_s(self, now_s: float) -> float:
         """Return the time from which passes of the satellite are looked for, 0 for now."""
@@ -95,7 +100,7 @@ class PassGoals:
         self._port, self._sensor_of, self._store = port, sensor_of, store
         self._goal: PassGoal | None = None
         self._search: Search | None = None
-        self._refusal, self._cancelled = "", False
+        self._refusal, self._cancelled, self._scanned = "", False, False
         self._begun_wall_s = 0.0
         # Mode and level of the last feedback, and when the next one is due.
         self._fed_back: tuple[Any, ...] = ()
@@ -144,7 +149,7 @@ class PassGoals:
         """Start the pass of a goal, or look for it first; a refused goal ends at once."""
         self._goal, self._begun_wall_s = goal, wall_s
         self._refusal, self._cancelled, self.window = "", False, goal.window
-        self._fed_back = ()
+        self._fed_back, self._scanned = (), goal.scan is not None
         try:
             # Known without the ephemeris, which would change its target for nothing.
             self._require_fit()
@@ -189,7 +194,7 @@ class PassGoals:
         self.window = window
         try:
             self._read_joints(t_s)
-            self.controller.start(t_s, window, self._sensor_of(self._goal.sensor))
+            self.controller.start(t_s, window, self._sensor_of(self._goal.sensor), self._goal.scan)
         finally:
             self._show_certificate()
 
@@ -231,9 +236,12 @@ class PassGoals:
         statistics, certificate = core.statistics, core.plan.certificate
         seen = statistics.outcome
         why = seen.why_not_tracked(statistics.reason, statistics.fault, core.params.machine.least_share)
+        if self._scanned:
+            early = f"the scan is not complete: {statistics.reason}"
+            why = "" if statistics.reason == SCANNED else early
         right_rad, up_rad = statistics.rms_rad
         return {
-            "success": not why, "message": why or LOSS_OF_SIGNAL, "fault": statistics.fault,
+            "success": not why, "message": why or statistics.reason, "fault": statistics.fault,
             "seconds_tracked": float(seen.tracked_s), "seconds_lost": float(seen.lost_s),
             "rms_cross_elevation_error": right_rad, "rms_elevation_error": up_rad, "mean_loss": float(seen.mean_loss_db),
             "predicted_loss": certificate.chosen.mean_loss_db if certificate and certificate.chosen else -1.0,

@@ -19,7 +19,7 @@ from rf_pointing.operations.executor import block_text
 from rf_pointing.operations.night import Night, NightState
 from rf_pointing.operations.pass_work import filler_text, fillers_of
 from rf_pointing.operations.schedule import Entry, PassState, Schedule, ScheduledPass
-from rf_pointing.planning.forbidden_sky import horizon_to_notes
+from rf_pointing.planning.horizon import horizon_to_notes
 from rf_pointing.station.clients.alarm_hooks import HookParams, Message
 from rf_pointing.station.clients.night_folder import NightFolder, Recording
 from rf_pointing.station.clients.station_alarms import NEEDED, StationAlarms

@@ -16,7 +16,7 @@ from rf_pointing.core.derived import Rows, Value, rounded
 from rf_pointing.core.parameters import Params, flat, leaves, with_leaves
 from rf_pointing.core.types import Pair
 from rf_pointing.ephemeris.sites import SITES, Site
-from rf_pointing.planning.forbidden_sky import HorizonMask
+from rf_pointing.planning.horizon import HorizonMask
 from rf_pointing.station.description.content import AxisSection, BandSection, Content
 
 SPEED_OF_LIGHT_M_S = 299_792_458.0

@@ -10,7 +10,7 @@ from functools import cache
 from rf_pointing.core.derived import Rows, Value, rounded, tuned
 from rf_pointing.core.modes import Sensor
 from rf_pointing.core.parameters import flat
-from rf_pointing.planning.forbidden_sky import HorizonMask
+from rf_pointing.planning.horizon import HorizonMask
 from rf_pointing.station import parameters as own
 from rf_pointing.station.derive import axes
 from rf_pointing.station.derive.band import Band, Derived, nearest_within, pass_elevation_deg

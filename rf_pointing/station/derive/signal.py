@@ -101,6 +101,8 @@ def signal(of: Band) -> Rows:
             "dichroic_k": tuned(0.0, "none"),
         } if stated is None else noise_parts(stated, of.section.frequency_mhz),
         "receiver": {"system_noise_k": system_noise(of)},
+        "frequency_hz": Value(1e6 * of.section.frequency_mhz, "bands.*.frequency_mhz"),
+        "gain_dbi": Value(gain_dbi(of), "bands.*.gain_dbi", "26000 deg^2 / h^2 unless given"),
         "cluster_samples": tuned(
             max(3, round(of.content.receiver.power_period_s / TICK_S)), "samples in a power period"
         ),

@@ -5,7 +5,7 @@ import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cache, cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import yaml
 
@@ -14,12 +14,14 @@ from rf_pointing.core.derived import Value
 from rf_pointing.core.modes import Sensor
 from rf_pointing.core.parameters import flat, leaves
 from rf_pointing.core.whole_file import compose_yaml, read_whole
-from rf_pointing.planning.forbidden_sky import HorizonMask
 from rf_pointing.station.derive.band import Band, Derived, site_of
 from rf_pointing.station.derive.nodes import NODES, reference
 from rf_pointing.station.description.content import Content, ReceiverSection
 from rf_pointing.station.description.reading import Reader, StationError, nearest
 from rf_pointing.tracking.sensors import SENSORS
+
+if TYPE_CHECKING:
+    from rf_pointing.planning import HorizonMask
 
 _PACKAGE = Path(__file__).parents[2]
 STATIONS = next(filter(Path.is_dir, (_PACKAGE / "config/stations", _PACKAGE.parent / "config/stations")))
@@ -41,7 +43,7 @@ _FORMER = {
 class StationDescription:
     """A description without problems; `read_station` makes it."""
 
-    def __init__(self, path: Path, content: Content, mask: HorizonMask, lines: Mapping[str, int]) -> None:
+    def __init__(self, path: Path, content: Content, mask: "HorizonMask", lines: Mapping[str, int]) -> None:
         self.path, self.content, self.mask, self.lines = path, content, mask, lines
         self.name = content.name
         """Name of the station; models and observations belong to it."""
@@ -208,7 +210,7 @@ class StationDescription:
             yield f"mount.azimuth.travel_deg: {360.0 - high + low:g} deg of the sky cannot be reached"
         elif high - low > 360.0:
             yield f"mount.azimuth.travel_deg: {high - low - 360.0:g} deg of azimuth can be reached on two turns"
-        if self.mask == HorizonMask(clearance_rad=self.mask.clearance_rad):
+        if self.mask == type(self.mask)(clearance_rad=self.mask.clearance_rad):
             yield "mount: there is no horizon mask; the antenna may look at hills, houses and people"
         if not numbers.section.bias_model:
             yield f"bands.{numbers.name}: there is no bias model; errors of the mount are not corrected"

@@ -21,7 +21,7 @@ import numpy as np
 
 from rf_pointing.calibration import BiasModel
 from rf_pointing.core import JointReading, JointTrajectory, Mode, PointingError, Sensor, Target, require_choice
-from rf_pointing.core.pass_outcome import LOSS_OF_SIGNAL
+from rf_pointing.core.pass_outcome import LOSS_OF_SIGNAL, SCANNED
 from rf_pointing.ephemeris import Pass
 from rf_pointing.ephemeris.solar import SolarDirection, SunPermit
 from rf_pointing.planning import PassProfile, SensorCost
@@ -35,6 +35,7 @@ from rf_pointing.station.pointing.plan import PassPlan
 from rf_pointing.station.pointing.scan_patterns import Scans, array_cost, sensor_cost
 from rf_pointing.station.pointing.status import Level, TrackingStatus
 from rf_pointing.tracking import AutotrackState, SkyMotion
+from rf_pointing.tracking.scan_program import ScanProgram, ScanProgramParams
 from rf_pointing.tracking.sensors import SENSOR_CHOICES, SENSORS, SensorTraits, sensors_of
 
 # A pass may be started before its profile has arrived, from an ephemeris that has stalled or starts
@@ -171,16 +172,22 @@ class PointingController:
         """Request a calibration scan of the feed; return why not, "" when it will begin."""
         return self._mode.calibrate()
 
-    def start(self, t_s: float, window: Pass, sensor: str) -> None:
+    def start(
+        self, t_s: float, window: Pass, sensor: str, scan: ScanProgramParams | None = None
+    ) -> None:  # fmt: skip
         """Begin to track a pass; the antenna moves once the pass has its certificate.
+
+        With a `scan` the beam is led by it around the predicted target, and the pass ends with it:
+        no sensor corrects what is being measured.
 
         Raises
         ------
         ValueError
             When the pass is over, another one is tracked, it does not fit the limits, its carrier
-            is too weak, or the antenna has a latched fault.  A pass that waits for its certificate
-            (`missing`) is refused later, by its end.
+            is too weak, the antenna has a latched fault, or the scan does not fit the pass or the
+            axes.  A pass that waits for its certificate (`missing`) is refused later, by its end.
         """
+        sensor = Sensor.PROGRAM.value if scan is not None else sensor
         require_choice("sensor", sensor, SENSOR_CHOICES)
         if self._pass is not None:
             raise ValueError(f"{self._pass.name} is being tracked until its loss of signal; cancel that first")
@@ -190,6 +197,10 @@ class PointingController:
         if self.antenna.fault:
             raise ValueError(f"the antenna has a latched fault ({self.antenna.fault}); reset it first")
         self.carrier.require_level(window, sensor, self._mode.params, self.plan.profile_of(window))
+        program = None if scan is None else ScanProgram(scan)
+        if program is not None:
+            self._require_scan(t_s, window, program)
+        self._scans.program, self._scans.latitude_rad = program, self.params.sun.site.latitude_rad
         self.plan.forget()
         axes, known = self._motion.axes, self.plan.profile_of(window) is not None
         self._turns_rad = self._choose_turn(t_s, window, axes, sensor) if axes is not None and known else None
@@ -203,6 +214,20 @@ class PointingController:
         self._levels.clear()
         self.antenna.restart(t_s)
         self.statistics, self._stepped_s, self._returning = PassStatistics(), t_s, False
+
+    def _require_scan(self, t_s: float, window: Pass, program: ScanProgram) -> None:
+        """Refuse a scan that is longer than the pass, or faster than the axes."""
+        left_s = window.los_t_s - max(t_s, window.aos_t_s)
+        if program.duration_s > left_s:
+            whole_s = program.duration_s
+            raise ValueError(f"the scan takes {whole_s:.0f} s; {left_s:.0f} s of the pass are left")
+        planned, units = self.params.machine.planned, ("deg/s of rate", "deg/s^2 of acceleration")
+        for unit, needed, most in zip(units, program.demand, planned, strict=True):
+            if needed > min(most):
+                raise ValueError(
+                    f"the scan needs {math.degrees(needed):.3g} {unit}, the axes are planned with "
+                    f"{math.degrees(min(most)):.3g}"
+                )
 
     def certify(self, t_s: float) -> None:
         """Issue the certificate of the pass in hand if it waits for one and nothing is missing."""
@@ -237,6 +262,8 @@ class PointingController:
             self._stopping = LOSS_OF_SIGNAL
         elif not self._stopping and axes.fault:
             self._stopping = self.statistics.fault = axes.fault
+        elif not self._stopping and self._scans.program and t_s >= self.corrections.scan_end_s:
+            self._stopping = SCANNED
         elif not self._stopping:
             permit = self.plan.permit
             if permit is not None and not self.plan.sun.permitted(t_s + SUN_STOP_S):
@@ -253,6 +280,14 @@ class PointingController:
         if self._stopping:
             return self._finish(t_s)
         return trajectory, self._status(t_s, error)
+
+    def _motion_word(self) -> str:
+        """Return what the safety gate calls the motion of the mode."""
+        mode, commanded = self.state.mode, self._scans.program is not None
+        if mode == Mode.CALIBRATE:
+            return "calibration"
+        scans = mode == Mode.SEARCH or (mode in SENSORS and SENSORS[mode].scans)
+        return "scan" if scans or (commanded and mode == Mode.PROGRAM_TRACK) else "track"
 
     def _slew_again(self, t_s: float, reason: str) -> None:
         """Let the axes find the target again: they may have stopped meanwhile."""
@@ -289,7 +324,7 @@ class PointingController:
             # the encoders as in a sidelobe.
             self.carrier.trust_until(t_s + LAG_TIMES * self.params.pointing.lag_averaging_s)
         trajectory, refused = self._motion.follow(
-            t_s, window, self._turns_rad or 0.0, _motion_of(self.state.mode), joining=joining
+            t_s, window, self._turns_rad or 0.0, self._motion_word(), joining=joining
         )
         if trajectory is None:
             # A pass is worth what is left of it: the axes wait at rest until the way is free.
@@ -342,7 +377,9 @@ class PointingController:
     def _choose_turn(self, t_s: float, window: Pass, joints: JointReading, sensor: str) -> float:
         """Issue the certificate, and return the turns (rad) to track on."""
         averaging_s, cost = self.params.pointing.lag_averaging_s, partial(self._cost, sensor, window)
-        self.plan.choose(t_s, window, joints, self._motion.model, averaging_s, cost)
+        # Over the top a scan would measure other offsets than those of a table.
+        direct = self._scans.program is not None
+        self.plan.choose(t_s, window, joints, self._motion.model, averaging_s, cost, direct=direct)
         # Again, for over the top the same encoders are other direct angles.
         self.take_joints(joints)
         return self.plan.course.turns_rad
@@ -437,10 +474,3 @@ class PointingController:
         if silent_s > 0.0:
             return Level.WARN, f"no target for {silent_s:.1f} s: the pass goes on with what was predicted before"
         return Level.OK, ""
-
-
-def _motion_of(mode: str) -> str:
-    """Return what the safety gate calls the motion of a mode."""
-    if mode == Mode.CALIBRATE:
-        return "calibration"
-    return "scan" if mode == Mode.SEARCH or (mode in SENSORS and SENSORS[mode].scans) else "track"

@@ -89,11 +89,15 @@ class _Found:
 
 @dataclass(frozen=True)
 class _Ahead:
-    """The last trajectory: times (n,), motion (n, 3), slopes by the filter's state (n, 2, 4)."""
+    """The last trajectory: times (n,), motion (n, 3), slopes by the filter's state (n, 2, 4).
+
+    `place` (n, 2) are the angles of the target.
+    """
 
     t_s: Array
     sky: Array
     rows: Array
+    place: Array
 
 
 class PointingCorrections:
@@ -155,7 +159,7 @@ class PointingCorrections:
         sky = np.empty((len(times), 3))
         sky[:, 0] = target.velocity[:, 0] * np.cos(target.position[:, 1])
         sky[:, 1], sky[:, 2] = target.velocity[:, 1], range_m
-        self._ahead = _Ahead(times, sky, direction_rows(SkyMotion(*sky.T)))
+        self._ahead = _Ahead(times, sky, direction_rows(SkyMotion(*sky.T)), target.position)
         offset, rate = self._corrections(times)
         self._past.add(float(times[0]), np.concatenate([sky[0], offset[0]]))
         return added(target, offset, rate)
@@ -167,6 +171,11 @@ class PointingCorrections:
         """
         self._share = times, self._scans.share(sky, limits) if self._scans.running else np.ones(len(times))
         return added(sky, *self._scan(times))
+
+    @property
+    def scan_end_s(self) -> float:
+        """When the beam is back on the target after a scan on command, infinite without one."""
+        return self._scans.end_s + UNDERWAY_S
 
     def cross(self, command_s: float, mode: str) -> None:
         """Coast through a crossing of the zenith: what was learned stays as it is."""
@@ -316,6 +325,12 @@ class PointingCorrections:
     def _scanned(self, times: Array, sky: SkyMotion | None) -> tuple[Array, Array]:
         """Return the running scan (n, 2) as far as the axes can make it, and its rate."""
         offset, rate = self._scans.at(times, sky)
+        program = self._scan_params.program
+        if program is not None and math.isfinite(self._scans.end_s) and self._ahead is not None:
+            place = _interpolated(times, self._ahead.t_s, self._ahead.place)
+            turn = program.axes(place, self._scan_params.latitude_rad)
+            # The axes of a frame turn slowly against the scan: their rates are left to the servo.
+            offset, rate = (np.einsum("nij,nj->ni", turn, part) for part in (offset, rate))
         share = np.interp(times, *self._share)
         if np.all(share == 1.0):
             return offset, rate

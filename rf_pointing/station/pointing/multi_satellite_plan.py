@@ -13,13 +13,15 @@ is joined as soon as the antenna can be there.
 import dataclasses
 import itertools
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from enum import StrEnum
+
+import numpy as np
 
 from rf_pointing.core.dates import DAY_S
 from rf_pointing.core.refraction import RadioRefraction
-from rf_pointing.core.types import Pair
+from rf_pointing.core.types import Array, Pair
 from rf_pointing.ephemeris import (
     CataloguePass,
     Elements,
@@ -65,6 +67,10 @@ class Wish:
     target: Elements | TargetSource
     priority: int = 0
     min_peak_rad: float = 0.0
+    band: str = ""
+    """Band of the contact, "" for that of the antenna."""
+    contact_s: float = 0.0
+    """Least contact in a day that a network owes it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,80 +101,277 @@ class DayPlan:
     unsearched: tuple[tuple[Elements, str], ...]
 
 
+@dataclass(frozen=True, kw_only=True)
+class PlannedAntenna:
+    """An antenna to plan for: where it stands, what it may do, and where its axes rest at first.
+
+    Passes begin and end above `least_rad` and the mask of `rules`.
+    """
+
+    site: Site
+    rules: PlanningRules
+    encoder_rad: Pair
+    least_rad: float
+    of_band: Mapping[str, PlanningRules] = field(default_factory=dict)
+    """The rules in each of its bands, for wishes that name one."""
+    closed: tuple[Pair, ...] = ()
+    """Times of maintenance, begin and end: the axes wait where they rest at first."""
+
+
 def plan_day(
     wishes: Sequence[Wish],
-    site: Site,
+    antenna: PlannedAntenna,
     start_t_s: float,
     duration_s: float,
-    rules: PlanningRules,
-    encoder_rad: Pair,
-    least_rad: float,
     *,
     gap_s: float = 0.0,
     max_age_s: float = 14.0 * DAY_S,
-    uncertainty: ElementUncertainty | None = None,
 ) -> DayPlan:
-    """Return the plan of one antenna that is at `encoder_rad`, at rest, at the start.
+    """Return the plan of one antenna that rests at the start.
 
-    Passes begin and end above `least_rad` and the mask of `rules`.  An object that stays above them
-    for longer than `LONG_S`, or all the time, and yields gets the time between the tracked passes.
+    An object that stays up for longer than `LONG_S`, or all the time, and yields gets the time
+    between the tracked passes.
     """
-    air, error = RadioRefraction.standard(site.altitude_m), uncertainty or ElementUncertainty()
-    of = {id(wish.target): wish for wish in wishes}
-    least = _least(rules.mask, least_rad)
-    issued = _Certificates(site, air, rules, (start_t_s, duration_s), max_age_s)
-    rest, cut = (start_t_s, encoder_rad), set[int]()
-    found = find_catalogue_passes(
-        [wish.target for wish in wishes if isinstance(wish.target, Elements)], site, start_t_s, duration_s, least,
-        refraction=air, max_age_s=max_age_s,
-    )  # fmt: skip
-    windows = list(found.passes)
-    for wish in wishes:
-        if not isinstance(wish.target, Elements):
-            windows += issued.passes(wish.target, start_t_s, duration_s, least)
-    wanted = [w for w in windows if w.peak_elevation_rad >= of[id(w.target)].min_peak_rad]
-    at_once = [_FreeTime(start_t_s, encoder_rad, start_t_s + duration_s, None)]
-    wanted = [
-        one
-        for w in wanted
-        for one in (w.rises_before and not _is_long(w) and issued.pieces(w, at_once, 0.0, least, 0.0)) or [w]
-    ]
+    day = AntennaDay(wishes, antenna, start_t_s, duration_s, gap_s=gap_s, max_age_s=max_age_s)
     while True:
-        candidates = [_candidate(window, of[id(window.target)].priority, rules) for window in wanted]
-        barred = {k: _no_turn(wanted[k], rules.limits) for k, one in enumerate(candidates) if not one.turns}
-        while True:
-            # A candidate without a turn is never taken.
-            left = [dataclasses.replace(one, turns=()) if k in barred else one for k, one in enumerate(candidates)]
-            tracked = schedule(left, rules.machine.axes, rest, gap_s)
-            certified, failed = issued.of([(k, wanted[k]) for k, _ in tracked], *rest)
-            if not failed:
-                break
-            barred |= failed
-        yields = reasons_against(left, tracked, rules.machine.axes, rest, gap_s)
-        long = [k for k in yields if _is_long(wanted[k]) and id(wanted[k].target) not in cut]
-        if not long:
-            break
+        _, failed = day.take(list(enumerate(day.wanted)), day.candidates())
+        if failed:
+            day.barred |= failed
+            continue
+        yields = day.reasons()
+        k = max(day.long_of(yields), key=day.rank, default=None)
+        if k is None:
+            return day.plan(yields)
         # The most wanted one first: what it leaves is the next one's.
-        k = max(long, key=lambda k: (candidates[k].priority, candidates[k].peak_rad))
-        cut.add(id(wanted[k].target))
-        free = _free_times([certified[k][0] for k, _ in tracked], rest, start_t_s + duration_s)
-        pieces = issued.pieces(wanted[k], free, gap_s, least, LEAST_PIECE_S)
-        wanted = sorted([*wanted[:k], *(pieces or [wanted[k]]), *wanted[k + 1 :]], key=lambda w: w.aos_t_s)
-    rows = []
-    for k, window in enumerate(wanted):
-        fate = Fate.TRACKED if k in certified else Fate.BARRED if k in barred else Fate.YIELDS
+        day.cut([k])
+
+
+class AntennaDay:
+    """The passes over one antenna in a time, what bars them, and those that it tracks.
+
+    `wanted` are the passes in order of rise; whatever is told of one goes by its place there.
+    """
+
+    def __init__(
+        self,
+        wishes: Sequence[Wish],
+        antenna: PlannedAntenna,
+        start_t_s: float,
+        duration_s: float,
+        *,
+        gap_s: float,
+        max_age_s: float,
+    ) -> None:
+        self.antenna, self.gap_s = antenna, gap_s
+        self._span = start_t_s, duration_s
+        self.wish_of = {id(wish.target): wish for wish in wishes}
+        self._least = _least(antenna.rules.mask, antenna.least_rad)
+        air = RadioRefraction.standard(antenna.site.altitude_m)
+        self._issued = _Certificates(antenna, air, self._span, max_age_s, self.wish_of)
+        elements = [wish.target for wish in wishes if isinstance(wish.target, Elements)]
+        windows, self.unsearched = list[CataloguePass](), tuple[tuple[Elements, str], ...]()
+        # The search of a catalogue is for a month at most; one of a body has no such end.
+        if elements:
+            found = find_catalogue_passes(
+                elements, antenna.site, *self._span, self._least, refraction=air, max_age_s=max_age_s
+            )
+            windows, self.unsearched = list(found.passes), found.unsearched
+        for wish in wishes:
+            if not isinstance(wish.target, Elements):
+                windows += self._issued.passes(wish.target, start_t_s, duration_s, self._least)
+        windows = [w for each in windows for w in self._open_parts(each)]
+        wanted = [w for w in windows if w.peak_elevation_rad >= self.wish_of[id(w.target)].min_peak_rad]
+        self.wanted = self._joined(wanted, lambda window: not _is_long(window))
+        self._cut, self._shared = set[int](), set[int]()
+        self._judge()
+
+    def _joined(self, windows: Sequence[CataloguePass], which: Callable[[CataloguePass], bool]) -> list[CataloguePass]:
+        """Return the passes; those that last at the start begin when the antenna can be there."""
+        at_once = [_FreeTime(*self.rest, sum(self._span), None)]
+        found = (w.rises_before and which(w) and self._pieces(w, at_once, 0.0, 0.0) for w in windows)
+        return [one for each, w in zip(found, windows, strict=True) for one in each or [w]]
+
+    def _judge(self) -> None:
+        """Bar what fits no turn; what was barred for its slew may be in time now."""
+        self.barred: dict[int, str] = {}
+        self.certified: list[tuple[int, CataloguePass, Certificate, PassProfile]] = []
+        for k, window in enumerate(self.wanted):
+            if not _turns(window, self.antenna.rules.limits):
+                self.barred[k] = _no_turn(window, self.antenna.rules.limits)
+
+    def _open_parts(self, window: CataloguePass) -> list[CataloguePass]:
+        """Return what times of maintenance leave of a pass."""
+        begin_s, found = window.aos_t_s, list[CataloguePass]()
+        if not any(begin < window.los_t_s and end > window.aos_t_s for begin, end in self.antenna.closed):
+            return [window]
+        for closed_s, open_s in (*self.antenna.closed, (window.los_t_s, math.inf)):
+            end_s = min(closed_s, window.los_t_s)
+            if end_s - begin_s > LEAST_SEARCH_S:
+                found += self._issued.passes(window.target, begin_s, end_s - begin_s, self._least)
+            begin_s = max(begin_s, open_s)
+        return found
+
+    def part(self, window: CataloguePass, begin_s: float, end_s: float) -> CataloguePass:
+        """Return the part of a pass between two times."""
+        if (begin_s, end_s) == (window.aos_t_s, window.los_t_s):
+            return window
+        found = self._issued.passes(window.target, begin_s, end_s - begin_s, self._least)
+        return max(found, key=lambda one: one.duration_s, default=window)
+
+    def look(self, window: CataloguePass, t_s: Array) -> tuple[Array, Array]:
+        """Return azimuth, continuous, and elevation of the target of a pass at times (n,)."""
+        looks = self._issued.track(window.target).sample(t_s)
+        return np.unwrap(looks.azimuth_rad), looks.elevation_rad
+
+    def candidate(self, window: CataloguePass) -> Candidate:
+        """Return a pass as the schedule takes it."""
+        wish = self.wish_of[id(window.target)]
+        return Candidate(
+            name=window.name, aos_t_s=window.aos_t_s, los_t_s=window.los_t_s, peak_rad=window.peak_elevation_rad,
+            # Above a whole number below: what stays up lends its time to passes of its priority.
+            priority=wish.priority - 0.5 * self._is_long(window), turns=_turns(window, self.antenna.rules.limits),
+        )  # fmt: skip
+
+    def candidates(self) -> list[Candidate]:
+        """Return all passes as candidates, without a turn where they are barred."""
+        made = [self.candidate(window) for window in self.wanted]
+        return [dataclasses.replace(one, turns=()) if k in self.barred else one for k, one in enumerate(made)]
+
+    @property
+    def waits(self) -> list[Candidate]:
+        """Times of maintenance as candidates that nothing comes before."""
+        turn = self.antenna.encoder_rad, self.antenna.encoder_rad
+        return [
+            Candidate(name="maintenance", aos_t_s=begin, los_t_s=end, peak_rad=0.0, priority=math.inf, turns=(turn,))
+            for begin, end in self.antenna.closed
+        ]
+
+    @property
+    def rest(self) -> tuple[float, Pair]:
+        """Start of the plan, and where the axes rest then."""
+        return self._span[0], self.antenna.encoder_rad
+
+    def take(
+        self, runs: Sequence[tuple[int, CataloguePass]], candidates: Sequence[Candidate]
+    ) -> tuple[list[int], dict[int, str]]:
+        """Schedule passes, and certify those of the plan in order of rise.
+
+        Each run is the place of a pass in `wanted`, and that pass or a part of it.  Returns which
+        of the runs are in the plan, and why no branch works for some of these.
+        """
+        everything = [*candidates, *self.waits]
+        tracked = schedule(everything, self.antenna.rules.machine.axes, self.rest, self.gap_s)
+        self._tracked = [(everything[k], turn) for k, turn in tracked]
+        kept = [k for k, _ in tracked if k < len(runs)]
+        self.certified, failed = [], dict[int, str]()
+        free_t_s, encoder_rad = self.rest
+        for k in kept:
+            number, window = runs[k]
+            for _, open_s in self.antenna.closed:
+                if free_t_s < open_s <= window.aos_t_s:
+                    free_t_s, encoder_rad = open_s, self.antenna.encoder_rad
+            certificate, profile = self._issued.of(window, free_t_s, encoder_rad)
+            if certificate.chosen is None:
+                failed[k] = certificate.reason
+                continue
+            self.certified.append((number, window, certificate, profile))
+            encoder_rad, free_t_s = certificate.chosen.end_rad, window.los_t_s
+        return kept, failed
+
+    def reasons(self) -> dict[int, str]:
+        """Return why passes that are not barred have no part in the plan of `take`."""
+        taken = {number for number, *_ in self.certified}
+        others = [(k, one) for k, one in enumerate(self.candidates()) if k not in taken and one.turns]
+        found = reasons_against(
+            [*(one for one, _ in self._tracked), *(one for _, one in others)],
+            [(place, turn) for place, (_, turn) in enumerate(self._tracked)],
+            self.antenna.rules.machine.axes, self.rest, self.gap_s,
+        )  # fmt: skip
+        return {k: found[place] for place, (k, _) in enumerate(others, start=len(self._tracked))}
+
+    @property
+    def lasting(self) -> set[int]:
+        """Targets (by identity) that stay up for long over this antenna."""
+        return {id(window.target) for window in self.wanted if _is_long(window)}
+
+    def share(self, lasting: set[int]) -> None:
+        """Rank all passes of these targets below others: over one of the antennas they last."""
+        self._shared, self.wanted = lasting, self._joined(self.wanted, _is_long)
+        self._judge()
+
+    def long_of(self, yields: Iterable[int]) -> list[int]:
+        """Return long stays that yield, or are tracked in part, and are not cut into pieces yet."""
+        tracked_s = dict.fromkeys(yields, 0.0)
+        for k, window, *_ in self.certified:
+            tracked_s[k] = tracked_s.get(k, 0.0) + window.duration_s
+        return [
+            k for k, spent_s in tracked_s.items() if spent_s < self.wanted[k].duration_s - LEAST_PIECE_S
+            and self._is_long(self.wanted[k]) and id(self.wanted[k].target) not in self._cut
+        ]  # fmt: skip
+
+    def _is_long(self, window: CataloguePass) -> bool:
+        return _is_long(window) or id(window.target) in self._shared
+
+    def rank(self, k: int) -> tuple[float, float]:
+        """Return how much a pass is wanted."""
+        window = self.wanted[k]
+        return self.wish_of[id(window.target)].priority, window.peak_elevation_rad
+
+    @property
+    def _rests(self) -> list[tuple[float, float, Pair, Pair]]:
+        return [(begin, end, *(self.antenna.encoder_rad,) * 2) for begin, end in self.antenna.closed]
+
+    def _held(self, but: int) -> list[tuple[float, float, Pair, Pair]]:
+        """Return times and ends of what is tracked, but for one pass that is cut anew."""
+        return [
+            (one.aos_t_s, one.los_t_s, one.chosen.start_rad, one.chosen.end_rad)
+            for k, _, one, _ in self.certified if one.chosen and k != but
+        ]  # fmt: skip
+
+    def cut(self, numbers: Collection[int]) -> None:
+        """Cut stays into pieces that fit between the certified passes."""
+        found = []
+        for k, window in enumerate(self.wanted):
+            pieces = []
+            if k in numbers:
+                free = _free_times(sorted([*self._rests, *self._held(k)]), self.rest, sum(self._span))
+                pieces = self._pieces(window, free, self.gap_s, LEAST_PIECE_S)
+            found += pieces or [window]
+        self._cut |= {id(self.wanted[k].target) for k in numbers}
+        self.wanted = sorted(found, key=lambda window: window.aos_t_s)
+        self._judge()
+
+    def _pieces(
+        self, window: CataloguePass, free: Sequence["_FreeTime"], gap_s: float, shortest_s: float
+    ) -> list[CataloguePass]:
+        return self._issued.pieces(window, free, gap_s, self._least, shortest_s)
+
+    def plan(self, yields: Mapping[int, str]) -> DayPlan:
+        """Return the plan: the certified passes, and the reasons against the others."""
+        rows = [self._row(k, window, Fate.TRACKED, "", certificate, profile)
+                for k, window, certificate, profile in self.certified]  # fmt: skip
+        taken = {k for k, *_ in self.certified}
+        for k, window in enumerate(self.wanted):
+            reason = self.barred.get(k) or yields.get(k, "")
+            if k not in taken:
+                rows.append(self._row(k, window, Fate.BARRED if k in self.barred else Fate.YIELDS, reason))
+        return DayPlan(
+            start_t_s=self._span[0], duration_s=self._span[1], unsearched=self.unsearched,
+            passes=tuple(row for _, row in sorted(rows, key=lambda each: (each[0], each[1].window.aos_t_s))),
+        )  # fmt: skip
+
+    def _row(
+        self, k: int, window: CataloguePass, fate: Fate, reason: str, certificate: Certificate | None = None,
+        profile: PassProfile | None = None,
+    ) -> tuple[int, DayPass]:  # fmt: skip
         target = window.target
         age_s = abs(window.tca_t_s - target.epoch_t_s) if isinstance(target, Elements) else 0.0
-        certificate, profile = certified.get(k, (None, None))
-        rows.append(
-            DayPass(
-                window=window, priority=of[id(target)].priority, fate=fate, age_s=age_s,
-                reason=barred.get(k) or yields.get(k, ""),
-                along_rad=error.sigmas_m(age_s)[0] / window.tca_range_m if isinstance(target, Elements) else 0.0,
-                certificate=certificate, profile=profile, filler=id(target) in cut,
-            )
+        wish = self.wish_of[id(target)]
+        return k, DayPass(
+            window=window, priority=wish.priority, fate=fate, age_s=age_s, reason=reason,
+            along_rad=ElementUncertainty().sigmas_m(age_s)[0] / window.tca_range_m if isinstance(target, Elements) else 0.0,
+            certificate=certificate, profile=profile, filler=id(target) in self._cut,
         )  # fmt: skip
-    return DayPlan(start_t_s=start_t_s, duration_s=duration_s, passes=tuple(rows), unsearched=found.unsearched)
 
 
 def _is_long(window: CataloguePass) -> bool:
@@ -186,9 +389,12 @@ class _FreeTime:
     to_rad: Pair | None
 
 
-def _free_times(tracked: Sequence[Certificate], rest: tuple[float, Pair], end_s: float) -> list[_FreeTime]:
-    begins = [rest, *((one.los_t_s, one.chosen.end_rad) for one in tracked if one.chosen)]
-    ends = [*((one.aos_t_s, one.chosen.start_rad) for one in tracked if one.chosen), (end_s, None)]
+def _free_times(
+    held: Sequence[tuple[float, float, Pair, Pair]], rest: tuple[float, Pair], end_s: float
+) -> list[_FreeTime]:
+    """Return the times between what is held: begins, ends, and where the axes are then."""
+    begins = [rest, *((los_s, end_rad) for _, los_s, _, end_rad in held)]
+    ends = [*((aos_s, start_rad) for aos_s, _, start_rad, _ in held), (end_s, None)]
     return [_FreeTime(*begin, *end) for begin, end in zip(begins, ends, strict=True)]
 
 
@@ -208,21 +414,29 @@ class _Certificates:
     """Certificates of passes in a row; those whose slew did not change are issued once."""
 
     def __init__(
-        self, site: Site, air: RadioRefraction, rules: PlanningRules, span: tuple[float, float], max_age_s: float
+        self,
+        antenna: PlannedAntenna,
+        air: RadioRefraction,
+        span: tuple[float, float],
+        max_age_s: float,
+        wish_of: Mapping[int, Wish],
     ) -> None:
-        self._site, self._air, self._rules, self._max_age_s = site, air, rules, max_age_s
+        self._antenna, self._air, self._max_age_s, self._wish_of = antenna, air, max_age_s, wish_of
+        self._rules = antenna.rules
         # The Sun's ephemeris costs as much as a certificate: once for all passes.
-        self._sun = SolarTable(site, air, *span)
-        self._issued: dict[tuple[int, float, Pair], tuple[Certificate, PassProfile]] = {}
+        self._sun = SolarTable(antenna.site, air, *span)
+        # With the pass: another one must not come to its place in memory.
+        self._issued: dict[tuple[int, float, Pair], tuple[CataloguePass, tuple[Certificate, PassProfile]]] = {}
 
-    def _track(self, target: Elements | TargetSource) -> TopocentricTrack:
-        return TopocentricTrack(target, self._site, refraction=self._air, max_age_s=self._max_age_s)
+    def track(self, target: Elements | TargetSource) -> TopocentricTrack:
+        """Return the motion of a target over the antenna."""
+        return TopocentricTrack(target, self._antenna.site, refraction=self._air, max_age_s=self._max_age_s)
 
     def passes(
         self, target: Elements | TargetSource, start_s: float, duration_s: float, least: float | Horizon
     ) -> list[CataloguePass]:
         """Return the passes of one target in a time, as the search of one satellite finds them."""
-        track = self._track(target)
+        track = self.track(target)
         return [CataloguePass.of_window(target, track, stay) for stay in find_passes(track, start_s, duration_s, least)]
 
     def pieces(
@@ -257,23 +471,15 @@ class _Certificates:
             found += stays
         return found
 
-    def of(
-        self, windows: Sequence[tuple[int, CataloguePass]], free_t_s: float, encoder_rad: Pair
-    ) -> tuple[dict[int, tuple[Certificate, PassProfile]], dict[int, str]]:
-        """Return the certificates by number of the pass, and the reasons of passes without one."""
-        certified, failed = {}, {}
-        for number, window in windows:
-            key = id(window), free_t_s, encoder_rad
-            if key not in self._issued:
-                track = self._track(window.target)
-                self._issued[key] = planned_certificate(track, window, free_t_s, encoder_rad, self._rules, self._sun)
-            certificate, profile = self._issued[key]
-            if certificate.chosen is None:
-                failed[number] = certificate.reason
-                continue
-            certified[number] = certificate, profile
-            encoder_rad, free_t_s = certificate.chosen.end_rad, window.los_t_s
-        return certified, failed
+    def of(self, window: CataloguePass, free_t_s: float, encoder_rad: Pair) -> tuple[Certificate, PassProfile]:
+        """Return certificate and motion of a pass; the axes are free somewhere from a time on."""
+        key = id(window), free_t_s, encoder_rad
+        if key not in self._issued:
+            rules = self._antenna.of_band.get(self._wish_of[id(window.target)].band, self._rules)
+            track = self.track(window.target)
+            issued = planned_certificate(track, window, free_t_s, encoder_rad, rules, self._sun)
+            self._issued[key] = window, issued
+        return self._issued[key][1]
 
 
 def _least(mask: HorizonMask, least_rad: float) -> float | Horizon:
@@ -283,22 +489,16 @@ def _least(mask: HorizonMask, least_rad: float) -> float | Horizon:
     return mask.above(least_rad)
 
 
-def _turns(window: CataloguePass, limits: AxisLimits) -> tuple[tuple[Pair, Pair], ...]:
+def turns_of(
+    limits: AxisLimits, path: tuple[float, float, float, float], elevations: Pair
+) -> tuple[tuple[Pair, Pair], ...]:
     """Return where the axes begin and end a pass on each turn of the travel."""
-    elevations = window.aos_elevation_rad, window.los_elevation_rad
-    begin, _, _, end = window.azimuth_path_rad
     # A pass that fits no turn waits at a stop or unwinds: it ends on any turn, as its certificate.
-    rises, sets = (_on_every_turn(limits, *place) for place in zip((begin, end), elevations, strict=True))
-    return turns_within(limits, window.azimuth_path_rad, elevations) or tuple(itertools.product(rises, sets))
+    ends = ((path[0], elevations[0]), (path[3], elevations[1]))
+    rises, sets = (_on_every_turn(limits, *place) for place in ends)
+    return turns_within(limits, path, elevations) or tuple(itertools.product(rises, sets))
 
 
-def _candidate(window: CataloguePass, priority: int, rules: PlanningRules) -> Candidate:
-    return Candidate(
-        name=window.name,
-        aos_t_s=window.aos_t_s,
-        los_t_s=window.los_t_s,
-        peak_rad=window.peak_elevation_rad,
-        # Above a whole number below: what stays up lends its time to the passes of its priority.
-        priority=priority - 0.5 * _is_long(window),
-        turns=_turns(window, rules.limits),
-    )
+def _turns(window: CataloguePass, limits: AxisLimits) -> tuple[tuple[Pair, Pair], ...]:
+    elevations = window.aos_elevation_rad, window.los_elevation_rad
+    return turns_of(limits, window.azimuth_path_rad, elevations)

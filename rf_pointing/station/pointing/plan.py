@@ -139,8 +139,10 @@ class PassPlan:
         model: BiasModel,
         lag_averaging_s: float = 0.0,
         cost: Callable[[PassProfile], SensorCost] | None = None,
+        *,
+        direct: bool = False,
     ) -> None:
-        """Issue the certificate of a pass and take its branch.
+        """Issue the certificate of a pass and take its branch; `direct`: not over the top.
 
         Raises
         ------
@@ -161,7 +163,8 @@ class PassPlan:
         if near and permit is not None:
             machine, self.permit = machine.replace(sun_radius_rad=0.0), permit
         rules = PlanningRules(
-            model=model, machine=machine, limits=self._limits, mask=self.mask, gate=self._gate_params,
+            model=model, machine=machine, mask=self.mask,
+            limits=self._limits.direct() if direct else self._limits, gate=self._gate_params,
             lag_averaging_s=lag_averaging_s,
         )  # fmt: skip
         slew = partial(self.gate.slew, sun_rad=self.sun.avoided(t_s))

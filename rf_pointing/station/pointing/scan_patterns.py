@@ -26,6 +26,7 @@ from rf_pointing.tracking import (
     direction_rows,
 )
 from rf_pointing.tracking.scan import Pattern, Scan, ScanParams
+from rf_pointing.tracking.scan_program import ScanProgram
 from rf_pointing.tracking.sensors import SENSORS, SensorTraits
 
 # A longer spiral would cost more of a pass than strips along the track.
@@ -62,6 +63,9 @@ class Scans:
         self.sensors: dict[str, Scan] = {
             traits.name: traits.scan or getattr(sets, traits.name) for traits in SENSORS.values() if traits.scans
         }
+        self.program: ScanProgram | None = None
+        """The scan on command of the pass in hand: the program track is scanned with it."""
+        self.latitude_rad = 0.0
         self.circles: dict[str, ScanParams] = {Mode.CALIBRATE: calibration}
         if probe is not None:
             self.circles |= {traits.name: probe for traits in SENSORS.values() if traits.watched}
@@ -72,6 +76,8 @@ class Scans:
 
     def demand(self, mode: str) -> tuple[float, float]:
         """Return the largest rate and acceleration across the line of sight of a mode's scan."""
+        if mode == Mode.PROGRAM_TRACK and self.program is not None:
+            return self.program.demand
         if mode not in self._demands:
             scan = self.sensors.get(mode) or self.circles[mode]
             pattern, times = scan.pattern(), RAMPED_S + np.arange(0.0, SCAN_S, SAMPLE_S)
@@ -102,6 +108,8 @@ class ScanPatterns:
         scan = self._scans.sensors.get(mode) or self._scans.circles.get(mode)
         if mode == Mode.SEARCH:
             self._pattern = self._search(start_s, known, sky)
+        elif mode == Mode.PROGRAM_TRACK:
+            self._pattern = self._scans.program.offset if self._scans.program else None
         else:
             self._pattern = None if scan is None else scan.pattern()
         self.running = mode if self._pattern is not None else ""
@@ -121,6 +129,12 @@ class ScanPatterns:
         needed = np.array(self._scans.demand(self.running))[:, None]
         room = np.array(left) * np.abs(np.cos(target.position[:, 1])) / np.maximum(needed, 1e-12)
         return np.asarray(np.clip(room.min(axis=0), 0.0, 1.0))
+
+    @property
+    def end_s(self) -> float:
+        """When the scan on command that runs is over, infinite without one."""
+        program = self._scans.program if self.running == Mode.PROGRAM_TRACK else None
+        return math.inf if program is None else self._start_s + program.duration_s
 
     def at(self, times: Array, sky: SkyMotion | None) -> tuple[Array, Array]:
         """Return offset and rate (n, 2) at `times` (n,), `sky` (n,) the target's motion there."""

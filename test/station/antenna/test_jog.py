@@ -52,12 +52,6 @@ def test_it_moves_at_the_rates_while_it_is_called_and_rests_without_a_fault_when
     assert antenna.axes.encoder_rad == pytest.approx(rest, abs=math.radians(0.02))
 
 
-def test_zero_rates_stop_at_once(antenna: SimulatedAntenna) -> None:
-    hold_key(antenna, 1.0, RATE_RAD_S)
-    assert antenna.jog((0.0, 0.0)) == ""
-    assert antenna.mode == AntennaMode.STOPPING
-
-
 def test_a_jog_ends_at_the_limits_without_a_fault_and_turns_back(antenna: SimulatedAntenna) -> None:
     fast = antenna.axes.limits.rate_limit_rad_s
     hold_key(antenna, 60.0, (0.0, -fast[1]))
@@ -84,6 +78,9 @@ def test_what_is_too_fast_no_number_or_at_the_wrong_time_moves_nothing(antenna: 
 
 
 def test_other_requests_end_a_jog_and_a_jog_keeps_commanders_out(antenna: SimulatedAntenna) -> None:
+    hold_key(antenna, 1.0, RATE_RAD_S)
+    assert antenna.jog((0.0, 0.0)) == ""
+    assert antenna.mode == AntennaMode.STOPPING, "zero rates stop at once"
     hold_key(antenna, 1.0, RATE_RAD_S)
     here = np.array(antenna.axes.encoder_rad)
     assert antenna.go_to((float(here[0]), float(here[1]) + 0.1)) == ""

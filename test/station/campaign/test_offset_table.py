@@ -8,22 +8,27 @@ import numpy as np
 import pytest
 
 import rf_pointing as rp
-from rf_pointing.api.calibration import DataFiles
-from rf_pointing.calibration import BiasModel
+from rf_pointing.api.calibration import DataFiles, fitted
+from rf_pointing.calibration import BiasModel, Ionosphere
 from rf_pointing.core.dates import utc_text
 from rf_pointing.ephemeris import TopocentricTrack, verification_elements
-from rf_pointing.ephemeris.source import BODIES
+from rf_pointing.ephemeris.source import BODIES, read_source
+from rf_pointing.station.campaign.offline_fit import FitRequest
 from rf_pointing.station.campaign.offset_table import terms_of_offsets
+from test.commands.planted_campaign import PLANTED, write_campaign
 
 STATION = rp.Station("rotator_2m")
 START_S = 1151347200.0
 HEADER = "utc,target,azimuth_offset_deg,elevation_offset_deg"
 
 
-def planted(path: Path, truth: dict[str, float], rows: int, random: np.random.Generator, targets: list[str]) -> Path:
-    """Write offsets of a mount with these terms (deg), found to a tenth of the rotator's beam."""
+def planted(
+    path: Path, truth: dict[str, float], rows: int, random: np.random.Generator, targets: list[str],
+    station: rp.Station = STATION, sigma: float = 0.02,
+) -> Path:  # fmt: skip
+    """Write offsets of a mount with these terms (deg), each with this error (deg)."""
     model = BiasModel.from_degrees(dict(BiasModel.zero().coefficients) | truth)
-    tracks = {name: TopocentricTrack(BODIES[name.casefold()](), STATION.site) for name in targets}
+    tracks = {name: TopocentricTrack(BODIES[name.casefold()](), station.site) for name in targets}
     with path.open("w", newline="") as file:
         writer = csv.writer(file)
         writer.writerow([*HEADER.split(","), "sigma_deg"])
@@ -34,8 +39,8 @@ def planted(path: Path, truth: dict[str, float], rows: int, random: np.random.Ge
                 continue
             motion = (look.azimuth_rad, look.elevation_rad, *[np.zeros(1)] * 4)
             offset = np.degrees(model.offset_rad(*motion))[:, 0]
-            found = offset + random.normal(0.0, 0.02, 2) / (math.cos(float(look.elevation_rad[0])), 1.0)
-            writer.writerow([utc_text(t_s), name, *(f"{value:.4f}" for value in found), "0.02"])
+            found = offset + random.normal(0.0, sigma, 2) / (math.cos(float(look.elevation_rad[0])), 1.0)
+            writer.writerow([utc_text(t_s), name, *(f"{value:.4f}" for value in found), sigma])
             rows -= 1
     return path
 
@@ -63,6 +68,31 @@ def test_a_tilted_mount_is_found_where_the_rows_show_it(tmp_path: Path, random: 
     east = points.select(points.true_azimuth_rad % math.tau < math.pi)
     assert terms_of_offsets(east)[:2] == ("azimuth_offset", "elevation_offset")
     assert "mislevel_east" not in terms_of_offsets(east)
+
+
+def test_offsets_and_passes_are_one_fit_that_knows_more_than_the_passes(
+    tmp_path: Path, random: np.random.Generator
+) -> None:
+    write_campaign(tmp_path)
+    station, terms = rp.Station("dss13", band="X"), ["azimuth_offset", "elevation_offset"]
+    truth = {name: math.degrees(PLANTED.coefficients[name]) for name in terms}
+    targets = ["Sun", "Moon", "Cassiopeia A"]
+    rows = planted(tmp_path / "scans.csv", truth, 40, random, targets, station, 0.0003)
+    passes = [tmp_path / f"raw{number}.csv" for number in range(4)]
+    given = {"elements": read_source(str(tmp_path / "cbers.tle")).elements,
+             "ionosphere": Ionosphere(electrons_per_m2=5e17, frequency_hz=2.25e9)}  # fmt: skip
+    request = FitRequest(
+        station=station.name, band="X", site=station.site, terms=tuple(terms), time_error_s=0.0,
+        elements=given["elements"],
+    )  # fmt: skip
+    alone, both = (
+        fitted(request, DataFiles(paths=paths, **given).read(station)).result for paths in (passes, [*passes, rows])
+    )
+    # What independent rows know of the elevation adds up.
+    of_rows = 40.0 / math.radians(0.0003) ** 2
+    assert both.sigma[1] ** -2 == pytest.approx(alone.sigma[1] ** -2 + of_rows, rel=0.2)
+    for name, value, sigma in zip(both.names, both.values, both.sigma, strict=True):
+        assert abs(math.degrees(value) - truth[name]) < 4.0 * math.degrees(sigma)
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@ from rf_pointing.core.constants import EARTH_MU_M3_S2
 from rf_pointing.ephemeris import Elements, TopocentricTrack, find_passes, moon, site
 from rf_pointing.planning import HorizonMask
 from rf_pointing.station.pointing.certificates import PlanningRules, planned_certificate
-from rf_pointing.station.pointing.multi_satellite_plan import DayPlan, Fate, Wish, plan_day
+from rf_pointing.station.pointing.multi_satellite_plan import DayPlan, Fate, PlannedAntenna, Wish, plan_day
 
 START_S = 1151347200.0
 PLACE = site("Goldstone DSS-13")
@@ -53,9 +53,13 @@ def satellites() -> list[Elements]:
     return made
 
 
+def antenna(rules: PlanningRules = RULES, place: tuple[float, float] = (0.0, 1.2)) -> PlannedAntenna:
+    return PlannedAntenna(site=PLACE, rules=rules, encoder_rad=place, least_rad=LEAST_RAD)
+
+
 def day(satellites: list[Elements], rules: PlanningRules = RULES, hours: float = 12.0, **options: float) -> DayPlan:
     wishes = [Wish(target=one, priority=one.catalogue_number % 3) for one in satellites]
-    return plan_day(wishes, PLACE, START_S, hours * 3600.0, rules, (0.0, 1.2), LEAST_RAD, **options)
+    return plan_day(wishes, antenna(rules), START_S, hours * 3600.0, **options)
 
 
 def test_tracked_passes_have_certificates_that_follow_on_each_other(satellites: list[Elements]) -> None:
@@ -143,10 +147,7 @@ def test_an_object_that_never_sets_is_tracked_between_the_others(satellites: lis
     # All but the slew from where the antenna is.
     assert 12.0 * 3600.0 - 220.0 < item.window.duration_s <= 12.0 * 3600.0
     low = [Wish(target=one, priority=1) for one in satellites[:3]]
-    alone, plan = (
-        plan_day(wishes, PLACE, START_S, 12.0 * 3600.0, RULES, (0.0, 1.2), LEAST_RAD)
-        for wishes in (low, [Wish(target=placed), *low])
-    )
+    alone, plan = (plan_day(wishes, antenna(), START_S, 12.0 * 3600.0) for wishes in (low, [Wish(target=placed), *low]))
     tracked = [item for item in plan.passes if item.fate is Fate.TRACKED]
     pieces = [item.window for item in tracked if item.window.name == "GEO"]
     others = [item.window for item in tracked if item.window.name != "GEO"]
@@ -166,7 +167,7 @@ def test_a_pass_in_progress_is_joined_as_soon_as_the_slew_allows(
     track = TopocentricTrack(satellite, PLACE)
     whole = max(find_passes(track, START_S, 43200.0, LEAST_RAD), key=lambda w: w.duration_s)
     start_s, place = whole.aos_t_s + share * whole.duration_s, (azimuth_rad, 1.2)
-    plan = plan_day([Wish(target=satellite)], PLACE, start_s, 3600.0, RULES, place, LEAST_RAD)
+    plan = plan_day([Wish(target=satellite)], antenna(place=place), start_s, 3600.0)
 
     def late_s(t_s: float) -> float:
         (left,) = find_passes(track, t_s, whole.los_t_s - t_s, LEAST_RAD)
@@ -186,7 +187,7 @@ def test_bodies_of_the_sky_fill_the_gaps_that_passes_leave(satellites: list[Elem
     bodies = [moon()]
     low = [Wish(target=one) for one in satellites[:6]]
     alone, plan = (
-        plan_day(wishes, PLACE, START_S, 43200.0, RULES, (0.0, 1.2), LEAST_RAD)
+        plan_day(wishes, antenna(), START_S, 43200.0)
         for wishes in (low, [*(Wish(target=body) for body in bodies), *low])
     )
     names = {body.name for body in bodies}

@@ -13,7 +13,8 @@ from rf_pointing.core import Mode
 from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
 from rf_pointing.drives.line_server import INVALID, IO_ERROR, REJECTED, Inquiry, Order
 from rf_pointing.drives.rigctld import RECEIVE, TRANSMIT, RadioView
-from rf_pointing.planning.forbidden_sky import ForbiddenSky, HorizonMask
+from rf_pointing.planning.forbidden_sky import ForbiddenSky
+from rf_pointing.planning.horizon import HorizonMask
 from rf_pointing.station.description import read_station
 from rf_pointing.station.pointing.status import Level
 from rf_pointing.station.radio.control import RESTING, RadioControl

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from rf_pointing.controllers import LqgDesign, load_lqg_designs
 from rf_pointing.controllers.filters import section_matrices
 from rf_pointing.controllers.lqg import LqgWeights
-from rf_pointing.papers.design_lqg import as_mapping, controller_system, design_lqg, drive_of, save_lqg_designs
+from rf_pointing.controllers.lqg_design import as_mapping, design_lqg, drive_of, save_lqg_designs
 
 Array = NDArray[np.float64]
 SAMPLE_S, BANDWIDTH, GAIN = 0.02, 15.0, 0.8
@@ -84,6 +84,21 @@ def test_the_regulator_weighs_the_angle_and_cancels_the_disturbance(design: LqgD
     assert (design.state_gain @ x).item() == pytest.approx(1.0, abs=1e-9)
 
 
+def test_the_estimator_is_the_kalman_predictor_of_its_noise(design: LqgDesign) -> None:
+    """Held against the covariance recursion from no knowledge to its end, and python-control."""
+    for one in (design, *load_lqg_designs()):
+        a, c = one.a, one.c
+        noise = np.diag([0.0, one.weights.rate_intensity, 0, 0, 0, 0, one.weights.disturbance_intensity])
+        variance = 1e3 * np.eye(7)
+        for _ in range(3000):
+            seen = c @ variance @ c.T + 1.0
+            variance = a @ (variance - variance @ c.T @ c @ variance / seen) @ a.T + noise
+        gain = a @ variance @ c.T / (c @ variance @ c.T + 1.0)
+        np.testing.assert_allclose(one.observer_gain, gain, rtol=1e-6, atol=1e-9)
+        library = control.dlqe(a, np.eye(7), c, noise, np.eye(1))[0]
+        np.testing.assert_allclose(one.observer_gain, library, rtol=1e-6, atol=1e-9)
+
+
 @pytest.mark.parametrize("axis", [0, 1])
 def test_the_packaged_designs_are_made_from_their_models_and_weights(axis: int) -> None:
     packaged = load_lqg_designs()[axis]
@@ -110,9 +125,7 @@ def loop_at(design: LqgDesign, omega: Array) -> Array:
 
 
 def test_the_law_runs_behind_its_filters(design: LqgDesign) -> None:
-    system = controller_system(
-        (design.a, design.b, design.c), design.state_gain, design.observer_gain, WEIGHTS, SAMPLE_S
-    )
+    system = control.ss(*design.matrices(SAMPLE_S), SAMPLE_S)
     omega = np.array([0.5, 3.0, 20.0, 90.0])
     plant = np.array([response(*drive(), z) for z in np.exp(1j * omega * SAMPLE_S)])
     np.testing.assert_allclose(system(np.exp(1j * omega * SAMPLE_S)) * plant, loop_at(design, omega), rtol=1e-7)
@@ -122,13 +135,10 @@ def test_margins_are_read_off_the_response_of_the_loop(design: LqgDesign) -> Non
     omega = np.geomspace(0.05, math.pi / SAMPLE_S * 0.999, 4000)
     loop = loop_at(design, omega)
     assert design.peak_sensitivity == pytest.approx(np.max(1.0 / np.abs(1.0 + loop)), rel=1e-6)
-    phase = np.unwrap(np.angle(loop))
-    crossings = np.flatnonzero((phase[:-1] + math.pi > 0.0) & (phase[1:] + math.pi <= 0.0))
-    least = max(float(np.interp(math.pi, -phase[k : k + 2], np.abs(loop[k : k + 2]))) for k in crossings)
-    assert design.gain_margin_db == pytest.approx(-20.0 * math.log10(least), abs=0.01)
-    falls = np.flatnonzero((np.abs(loop[:-1]) > 1.0) & (np.abs(loop[1:]) <= 1.0))
-    smallest = min(float(math.pi + np.interp(-1.0, -np.abs(loop[k : k + 2]), phase[k : k + 2])) for k in falls)
-    assert design.phase_margin_rad == pytest.approx(smallest, abs=1e-3)
+    phase_deg = np.degrees(np.unwrap(np.angle(loop)))
+    gain, phase, *_ = control.stability_margins((np.abs(loop), phase_deg, omega))
+    assert design.gain_margin_db == pytest.approx(20.0 * math.log10(gain), abs=0.01)
+    assert math.degrees(design.phase_margin_rad) == pytest.approx(phase, abs=0.05)
 
 
 def test_a_design_keeps_its_model_its_drive_and_its_weights(design: LqgDesign, tmp_path: Path) -> None:
