@@ -39,8 +39,8 @@ def radio(monkeypatch: pytest.MonkeyPatch) -> MagicMock:
 
     device.readStream.side_effect = read
     module = SimpleNamespace(
-        SOAPY_SDR_RX=1, SOAPY_SDR_CF32="CF32", SOAPY_SDR_TIMEOUT=TIMEOUT, SOAPY_SDR_OVERFLOW=OVERFLOW,
-        Device=device.make, errToStr={BROKEN: "STREAM_ERROR"}.get,
+        SOAPY_SDR_RX=1, SOAPY_SDR_CF32="CF32", SOAPY_SDR_TIMEOUT=TIMEOUT,
+        SOAPY_SDR_OVERFLOW=OVERFLOW, Device=device.make, errToStr={BROKEN: "STREAM_ERROR"}.get,
     )  # fmt: skip
     device.make.return_value = device
     monkeypatch.setitem(sys.modules, "SoapySDR", module)
@@ -48,7 +48,7 @@ def radio(monkeypatch: pytest.MonkeyPatch) -> MagicMock:
 
 
 def test_a_radio_of_soapy_is_set_read_and_found_again(radio: MagicMock) -> None:
-    piece = np.array([[0.5 + 0.25j, -1.0j, 0.0], [0.1, 0.2, 0.3], [0.0, 0.0, 0.0]], dtype=np.complex64)
+    piece = np.array([[0.5 + 0.25j, -1.0j, 0.0], [0.1, 0.2, 0.3], [0, 0, 0]], dtype=np.complex64)
     radio.script = [TIMEOUT, piece, OVERFLOW, piece, BROKEN]
     params = SignalReceiverParams(
         type="soapy", frequency_hz=10.489e9, signal=SignalSearchParams(channels=3),
@@ -60,7 +60,8 @@ def test_a_radio_of_soapy_is_set_read_and_found_again(radio: MagicMock) -> None:
     assert source.problem == "soapy at driver=lime: SoapySDR: STREAM_ERROR"
     opened = [call.make("driver=lime")]
     for each in range(3):
-        opened += [call.setSampleRate(1, each, 1e6), call.setFrequency(1, each, 739e6), call.setGain(1, each, 20.0)]
+        opened += [call.setSampleRate(1, each, 1e6), call.setFrequency(1, each, 739e6)]
+        opened += [call.setGain(1, each, 20.0)]
     opened += [call.setupStream(1, "CF32", [0, 1, 2]), call.activateStream("a stream")]
     closed = [call.deactivateStream("a stream"), call.closeStream("a stream")]
     calls = [each for each in radio.mock_calls if each[0] != "readStream"]
@@ -76,7 +77,7 @@ def test_a_radio_of_soapy_is_set_read_and_found_again(radio: MagicMock) -> None:
         getattr(radio, name).side_effect = None
     radio.deactivateStream.side_effect, ends = RuntimeError("gone"), radio.deactivateStream.call_count
     radio.script.append(BROKEN)
-    wait_for(lambda: radio.deactivateStream.call_count > ends, "a radio that cannot be closed either")
+    wait_for(lambda: radio.deactivateStream.call_count > ends, "a radio that cannot be closed")
     radio.deactivateStream.side_effect = None
     radio.script.append(piece)
     wait_for(lambda: found.extend(source.step()) or len(found) == 3, "samples again")
@@ -103,8 +104,8 @@ def test_a_modem_at_a_serial_line_whose_cable_is_pulled_and_put_in_again(tmp_pat
 
     master = plug()
     link = SourceLinkParams(device=str(device), baud=19200, first_retry_s=0.05, longest_retry_s=0.1)
-    level = LevelParams(transport="serial", kind="es_n0_db", request="ESN0?", pattern=r"=(?P<level>[\d.]+) (?P<lock>\w+)",
-                        locked="LOCK")  # fmt: skip
+    pattern = r"=(?P<level>[\d.]+) (?P<lock>\w+)"
+    level = LevelParams(transport="serial", request="ESN0?", pattern=pattern, locked="LOCK")
     source = make_source(SignalReceiverParams(type="level", link=link, level=level), lambda: 7.0)
     found: list[Any] = []
 

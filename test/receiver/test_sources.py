@@ -170,7 +170,7 @@ def test_difi_carries_three_channels_and_survives_lost_packets(line: Callable[..
 
 
 @pytest.mark.parametrize("kind", ["rtl_tcp", "zmq", "vita49"])
-def test_a_source_that_is_killed_is_named_and_comes_back(line: Callable[..., Line], kind: str) -> None:
+def test_a_source_that_is_killed_comes_back(line: Callable[..., Line], kind: str) -> None:
     if kind == "zmq":
         pytest.importorskip("zmq")
     subject = line(kind)
@@ -241,7 +241,7 @@ def test_what_is_not_rtl_tcp_is_named() -> None:
         client.close()
 
 
-def test_garbage_on_the_port_of_difi_is_counted_and_named_while_it_lasts(line: Callable[..., Line]) -> None:
+def test_garbage_on_the_port_of_difi_is_named(line: Callable[..., Line]) -> None:
     subject = line("vita49")
     subject.run(2.0)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
@@ -341,7 +341,7 @@ class Instrument(threading.Thread):
     ("kind", "request_", "answer"),
     [("scpi", "CALC:MARK1:Y?", "-{}\n"), ("rigctl", "l STRENGTH", "-{}\n"), ("level", "C/N?", "LOCK 1 C/N= -{} dB\n")],
 )
-def test_an_instrument_is_asked_named_when_it_is_killed_and_found_again(kind: str, request_: str, answer: str) -> None:
+def test_an_instrument_is_asked_and_found_again(kind: str, request_: str, answer: str) -> None:
     instrument = Instrument(lambda _: answer.format("63.25"))
     level = LevelParams(transport="tcp", request=request_ if kind == "level" else "",
                         **({"pattern": r"LOCK (?P<lock>\d) C/N= *(?P<level>-[\d.]+)"} if kind == "level" else {}))  # fmt: skip

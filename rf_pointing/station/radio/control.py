@@ -197,7 +197,8 @@ class RadioControl:
         step = abs(later.down - now.down) * max(PERIOD_S, rig.answer_s)
         if step <= STEP_SHARE:
             return ""
-        return f" in steps of {1e9 * step:.0f} Hz at 1 GHz: the rig takes {1e3 * rig.answer_s:.0f} ms for each"
+        took = f"the rig takes {1e3 * rig.answer_s:.0f} ms for each"
+        return f" in steps of {1e9 * step:.0f} Hz at 1 GHz: {took}"
 
     def frequencies_hz(self, channel: Channel, shifts: Shifts) -> tuple[float, float | None]:
         """Return the frequencies on the air at the station, received and sent."""
