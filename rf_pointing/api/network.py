@@ -30,10 +30,10 @@ from rf_pointing.planning.availability import availability
 from rf_pointing.station.pointing.multi_satellite_plan import DayPass, Fate, Wish
 from rf_pointing.station.pointing.network_plan import plan_days
 
+# A contact that begins so soon after another one of its target takes it over.
 SAME_S = 1.0
-"""A contact that begins so soon after another one of its target takes it over."""
+# A contact whose begin or end has moved less is the same as before.
 MOVED_S = 5.0
-"""A contact whose begin or end has moved less is the same as before."""
 SKY_STEP_S = 60.0
 
 

@@ -31,21 +31,21 @@ from rf_pointing.tracking.scan_program import EAST, FRAMES, ScanProgram, ScanPro
 if TYPE_CHECKING:
     from rf_pointing.api.station import Station
 
+# Edge of a scan and time per beamwidth, and how far the baseline is beyond the edge.
 HALF_WIDTH_BEAMS, BEAM_S, BASELINE_BEAMS = 1.5, 4.0, 1.5
-"""Edge of a scan and time per beamwidth, and how far the baseline is beyond the edge."""
+# Distance of the points of a scan from the target: where the power has fallen by half.
 POINT_BEAMS = 0.5
-"""Distance of the points of a scan from the target: where the power has fallen by half."""
+# Share of the planned rates and accelerations that a scan takes by default: above 66 deg of
+# elevation the azimuth has no more, and the controller makes the scan smaller.
 SHARE = 0.4
-"""Share of the planned rates and accelerations that a scan takes by default: above 66 deg of
-elevation the azimuth has no more, and the controller makes the scan smaller."""
+# Noise of the Sun in the side lobes, of the source's, at which a scan is refused.
 LARGEST_SUN = 0.1
-"""Noise of the Sun in the side lobes, of the source's, at which a scan is refused."""
 SETTLING_S = 60.0
+# A simulated antenna may look into the Sun: there is nothing to burn.
 SUN_ALLOWED: dict[str, dict[str, object]] = {
     "pointing_controller": {"gate.sun_radius_deg": 0.0, "machine.sun_radius_deg": 0.0},
     "antenna_servo": {"safety.gate.sun_radius_deg": 0.0},
 }
-"""A simulated antenna may look into the Sun: there is nothing to burn."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -27,8 +27,8 @@ from rf_pointing.station.antenna.tuning import (
 )
 from rf_pointing.station.derive.plants import takes_rates
 
+# Largest share of the motion of held-out sequences that a model may miss.
 MOST_ERROR = 0.1
-"""Largest share of the motion of held-out sequences that a model may miss."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -32,11 +32,11 @@ from rf_pointing.radiometry.sources import FLUX_SOURCES
 from rf_pointing.tracking.scan_program import FRAMES, PATTERNS
 
 PROGRAM = "scan"
+# Options of the pattern, by the fields of the request.
 FIELDS = (
     "pattern", "frame", "half_width_deg", "rate_deg_s", "baseline_deg", "dwell_s", "lines",
     "repetitions", "sun_flux_sfu",
 )  # fmt: skip
-"""Options of the pattern, by the fields of the request."""
 
 
 def add_pattern(add: Any) -> None:

@@ -36,8 +36,7 @@ from rf_pointing.tracking.sensors import load_trackers
 from rf_pointing.web.metrics import board_metrics
 from rf_pointing.web.page_server import PageServer, report
 
-PARAMETERS_S = 5.0
-"""Wall time between two requests for the limits in force."""
+PARAMETERS_S = 5.0  # Wall time between two requests for the limits in force.
 STREAMS = {
     "antenna": (ours.AntennaStatus, "antenna_status", STATUS), "tracking": (ours.TrackingStatus, "tracking_status", STREAM),
     "target": (ours.Target, "target", STREAM),

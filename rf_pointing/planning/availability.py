@@ -21,8 +21,8 @@ import numpy as np
 
 from rf_pointing.core.types import Array, BoolArray
 
+# Distance s over which weather is alike.
 WEATHER_M = 50e3
-"""Distance s over which weather is alike."""
 
 
 def weather_correlation(distance_m: float) -> float:

@@ -16,8 +16,8 @@ from numpy.typing import ArrayLike
 from rf_pointing.core import Params, parameter
 from rf_pointing.core.types import TURN, Array
 
+# Note of a recording with the points of the horizon.
 HORIZON_NOTE = "horizon_deg"
-"""Note of a recording with the points of the horizon."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -22,14 +22,14 @@ from rf_pointing.core.types import Array, BoolArray
 from rf_pointing.planning.limits import AxisRates
 from rf_pointing.planning.schedule import Candidate, Index, turn_s
 
+# Worth of a second of contact that a target is owed: a short high pass has less per second.
 OWED_WORTH_S = 0.02
-"""Worth of a second of contact that a target is owed: a short high pass has less per second."""
+# A part that begins so near to where the part before it ends goes on without a slew.
 CONTINUED_RAD = 1e-3
-"""A part that begins so near to where the part before it ends goes on without a slew."""
+# Longest time of the solver, and the share of the bound at which its search ends.
 SOLVING_S, WITHIN = 20.0, 1e-4
-"""Longest time of the solver, and the share of the bound at which its search ends."""
+# With more nodes only those are integers that cost a plan of fractions at most so much.
 MANY_NODES, NEAR_WORTH = 3000, 0.1
-"""With more nodes only those are integers that cost a plan of fractions at most so much."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 from rf_pointing.core.types import Array
 from rf_pointing.rf.beam import BeamParams, normalised_voltage
 
+# Steps of the table of R, in beamwidths: its cubic is good to 1e-6.
 TABLE_STEP = 0.02
-"""Steps of the table of R, in beamwidths: its cubic is good to 1e-6."""
+# A disc of a smaller radius, in beamwidths, is a point: K differs from 1 by less than 2e-6.
 SMALLEST_RADIUS = 1e-3
-"""A disc of a smaller radius, in beamwidths, is a point: K differs from 1 by less than 2e-6."""
 
 
 class DiscResponse:

@@ -29,22 +29,22 @@ from rf_pointing.rf.beam import BeamParams
 
 NAMES = ("cross_elevation", "elevation", "width", "e1", "e2", "level", "baseline", "drift", "tilt")
 X, Y, WIDTH, E1, E2, LEVEL, BASE, DRIFT, TILT = range(9)
+# Choices of the fitted shape: nothing, the width, that along each axis, or an ellipse.
 SHAPES = {"fixed": 0, "width": 1, "axes": 2, "ellipse": 3}
-"""Choices of the fitted shape: nothing, the width, that along each axis, or an ellipse."""
+# Level over its sigma from which the shape is fitted; below, it would cost accuracy.
 WIDTH_SNR, ELLIPSE_SNR = 20.0, 60.0
-"""Level over its sigma from which the shape is fitted; below, it would cost accuracy."""
+# Sigma of width over beamwidth and of e1, e2 up to which they are fitted.
 WELL = 0.03
-"""Sigma of width over beamwidth and of e1, e2 up to which they are fitted."""
+# Fitted over expected width beyond which it is not this antenna's beam.
 WIDEST, NARROWEST = 1.6, 0.6
-"""Fitted over expected width beyond which it is not this antenna's beam."""
 FEWEST = 12
 SINGULAR = 1e-11
 ROUNDS = 12
+# Each round edits what is this share of the worst residual: one burst moves the whole model.
 WORST = 0.5
-"""Each round edits what is this share of the worst residual: one burst moves the whole model."""
+# A beam that strays less than this from a line, in beamwidths, tells nothing across it: there the
+# target is taken to lie on the line, within this many beamwidths.
 LINE, LINE_SIGMA = 0.05, 0.5
-"""A beam that strays less than this from a line, in beamwidths, tells nothing across it: there the
-target is taken to lie on the line, within this many beamwidths."""
 
 
 class Samples(NamedTuple):

@@ -24,12 +24,12 @@ from rf_pointing.rf.noise import BOLTZMANN_J_K
 JANSKY = 1e-26
 SOLAR_FLUX_UNIT = 1e-22
 SUN, MOON = "Sun", "Moon"
+# Error of the quiet Sun (an active one has up to three times as much), and of a day's value.
 QUIET_SUN_ERROR, GIVEN_SUN_ERROR = 0.2, 0.05
-"""Error of the quiet Sun (an active one has up to three times as much), and of a day's value."""
 EPOCH_2016_S = 1451606400.0
 YEAR_S = 365.25 * DAY_S
+# Wavelengths for which the Moon's temperature is stated.
 MOON_CM = 0.1, 30.0
-"""Wavelengths for which the Moon's temperature is stated."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,8 +69,8 @@ _SPECTRA = {
     ),
     "Virgo A": _Spectrum((2.4466, -0.8116, -0.0483), (0.05, 3.0), -0.856, 25.0, 0.0, 1.0),
 }
+# Names with a flux.
 FLUX_SOURCES = (SUN, MOON, *_SPECTRA)
-"""Names with a flux."""
 
 
 def flux_of(

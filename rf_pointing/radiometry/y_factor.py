@@ -18,10 +18,10 @@ from rf_pointing.radiometry.sources import Flux
 from rf_pointing.rf.beam import BeamParams
 from rf_pointing.rf.noise import BOLTZMANN_J_K
 
+# Relative error of the loss of the air in dB: that of a model without weather.
 AIR_ERROR = 0.1
-"""Relative error of the loss of the air in dB: that of a model without weather."""
+# Envelope of the side lobes (ITU-R S.465): 32 - 25 log10(angle/deg) dBi from 1 deg on.
 SIDE_LOBE_DB = 32.0, 25.0
-"""Envelope of the side lobes (ITU-R S.465): 32 - 25 log10(angle/deg) dBi from 1 deg on."""
 FARTHEST_LOBE_DBI = -10.0
 
 

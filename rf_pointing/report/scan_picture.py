@@ -11,8 +11,8 @@ from rf_pointing.core.types import Array
 from rf_pointing.radiometry.scan_fit import BASE, DRIFT, LEVEL, TILT, WIDTH, Samples, ScanFit
 from rf_pointing.report.picture_style import AXIS_COLOURS, LIMIT_COLOUR, figure
 
+# Samples within this many beamwidths of an axis through the source are on its cut.
 CUT_BEAMS = 0.25
-"""Samples within this many beamwidths of an axis through the source are on its cut."""
 FLOOR_DB = -30.0
 
 

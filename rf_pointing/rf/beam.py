@@ -36,8 +36,12 @@ class BeamParams(Params):
         HALF_POWER_BEAMWIDTH_RAD["X"], "full width of the beam at half power", low=1e-6, high=1.4
     )
     pattern: str = parameter("gaussian", "shape of the pattern", choices=PATTERNS)
-    edge_taper_db: float = parameter(12.0, "illumination at the rim below the centre (tapered)", low=0.0, high=60.0)
-    taper_exponent: int = parameter(1, "exponent p of the illumination taper (tapered)", low=1, high=4)
+    edge_taper_db: float = parameter(
+        12.0, "illumination at the rim below the centre (tapered)", low=0.0, high=60.0
+    )
+    taper_exponent: int = parameter(
+        1, "exponent p of the illumination taper (tapered)", low=1, high=4
+    )
 
     @classmethod
     def for_band(cls, band: str, pattern: str = "gaussian") -> Self:
@@ -52,22 +56,33 @@ class Beam:
     def __init__(self, params: BeamParams) -> None:
         self.params = params
 
-    def voltage(self, cross_elevation_rad: ArrayLike, elevation_rad: ArrayLike) -> NDArray[np.float64]:
+    def voltage(
+        self, cross_elevation_rad: ArrayLike, elevation_rad: ArrayLike
+    ) -> NDArray[np.float64]:
         """Return the signed voltage at this offset from the beam axis, 1 on the axis."""
-        angle = np.hypot(np.asarray(cross_elevation_rad, dtype=np.float64), np.asarray(elevation_rad, dtype=np.float64))
+        angle = np.hypot(
+            np.asarray(cross_elevation_rad, dtype=np.float64),
+            np.asarray(elevation_rad, dtype=np.float64),
+        )
         return normalised_voltage(self.params, angle / self.params.half_power_beamwidth_rad)
 
-    def power_gain(self, cross_elevation_rad: ArrayLike, elevation_rad: ArrayLike) -> NDArray[np.float64]:
+    def power_gain(
+        self, cross_elevation_rad: ArrayLike, elevation_rad: ArrayLike
+    ) -> NDArray[np.float64]:
         """Return the power relative to the target on the axis (CONSCAN eq. 1 for the Gaussian)."""
         return self.voltage(cross_elevation_rad, elevation_rad) ** 2
 
 
-def normalised_voltage(params: BeamParams, angle_beamwidths: NDArray[np.float64]) -> NDArray[np.float64]:
+def normalised_voltage(
+    params: BeamParams, angle_beamwidths: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """Return the voltage at `angle_beamwidths` half-power beamwidths from the axis."""
     if params.pattern == "gaussian":
         return np.exp(-0.5 * MU * angle_beamwidths**2)
     pedestal, exponent = _illumination(params)
-    return _aperture_voltage(angle_beamwidths * _u_per_beamwidth(pedestal, exponent), pedestal, exponent)
+    return _aperture_voltage(
+        angle_beamwidths * _u_per_beamwidth(pedestal, exponent), pedestal, exponent
+    )
 
 
 def _illumination(params: BeamParams) -> tuple[float, int]:
@@ -75,7 +90,9 @@ def _illumination(params: BeamParams) -> tuple[float, int]:
     return pedestal, params.taper_exponent
 
 
-def _aperture_voltage(u: NDArray[np.float64], pedestal: float, exponent: int) -> NDArray[np.float64]:
+def _aperture_voltage(
+    u: NDArray[np.float64], pedestal: float, exponent: int
+) -> NDArray[np.float64]:
     share = (1.0 - pedestal) / (exponent + 1.0)
     value = pedestal * _lambda(1, u) + share * _lambda(exponent + 1, u)
     return np.asarray(value / (pedestal + share))
@@ -95,6 +112,7 @@ def _lambda(order: int, u: NDArray[np.float64]) -> NDArray[np.float64]:
 @lru_cache(maxsize=64)
 def _u_per_beamwidth(pedestal: float, exponent: int) -> float:
     half = bracketed_root(
-        lambda u: float(_aperture_voltage(np.asarray(u), pedestal, exponent)) ** 2 - 0.5, *HALF_POWER_BETWEEN
+        lambda u: float(_aperture_voltage(np.asarray(u), pedestal, exponent)) ** 2 - 0.5,
+        *HALF_POWER_BETWEEN,
     )
     return 2.0 * half

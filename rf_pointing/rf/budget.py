@@ -40,7 +40,12 @@ def gain_of_beam_dbi(half_power_beamwidth_deg: float) -> float:
 
 
 def zenith_level_db_hz(
-    eirp_dbw: float, gain_dbi: float, frequency_hz: float, range_m: float, loss_db: float, noise_k: float
+    eirp_dbw: float,
+    gain_dbi: float,
+    frequency_hz: float,
+    range_m: float,
+    loss_db: float,
+    noise_k: float,
 ) -> float:
     """Return the C/N0 of a satellite that sends `eirp_dbw`; `loss_db` is of air, polarisation."""
     spreading_db = 20.0 * math.log10(4.0 * math.pi * range_m * frequency_hz / SPEED_OF_LIGHT_M_S)
@@ -57,7 +62,9 @@ def sun_brightness_k(frequency_hz: float) -> float:
     return flux_w_m2_hz * wavelength_m**2 / (2.0 * BOLTZMANN_J_K * solid_angle)
 
 
-def disc_noise_k(brightness_k: float, gain_dbi: float, beam: Beam, distance_rad: ArrayLike) -> Array:
+def disc_noise_k(
+    brightness_k: float, gain_dbi: float, beam: Beam, distance_rad: ArrayLike
+) -> Array:
     """Return the noise (n,) of a disc of the Sun's size, (n,) away from the axis of the beam."""
     # Farther than a half turn, as where nobody looks, is the other side of the sky.
     apart = np.minimum(np.atleast_1d(np.asarray(distance_rad, dtype=np.float64)), math.pi)[:, None]
@@ -90,7 +97,8 @@ def noise_parts_k(
         "dichroic": np.full_like(passed, link.noise.dichroic_k),
         "chain": np.full_like(passed, link.noise.lna_k),
         **{
-            name: passed * disc_noise_k(kelvin, gain_dbi, Beam(beam), apart) for name, (kelvin, apart) in bodies.items()
+            name: passed * disc_noise_k(kelvin, gain_dbi, Beam(beam), apart)
+            for name, (kelvin, apart) in bodies.items()
         },
     }
     return parts | {"system": np.sum(list(parts.values()), axis=0)}

@@ -35,13 +35,19 @@ class DishArrayParams(Params):
     elements: int = parameter(12, "number of patches on the circle", low=5, high=64)
     radius_m: float = parameter(0.12, "radius of the circle", low=1e-3, high=10.0)
     wavelength_m: float = parameter(0.1332, "wavelength of the carrier", low=1e-3, high=30.0)
-    element_loss_db: float = parameter(25.0, "C/N0 of the dish less that of one patch", low=-20.0, high=120.0)
+    element_loss_db: float = parameter(
+        25.0, "C/N0 of the dish less that of one patch", low=-20.0, high=120.0
+    )
     roll_rad: float = parameter(
         0.0, "angle from the axis of the first patch to cross-elevation", low=-math.pi, high=math.pi
     )
-    axis_cross_elevation_rad: float = parameter(0.0, "array's axis right of the beam by", low=-0.8, high=0.8)
+    axis_cross_elevation_rad: float = parameter(
+        0.0, "array's axis right of the beam by", low=-0.8, high=0.8
+    )
     axis_elevation_rad: float = parameter(0.0, "array's axis above the beam by", low=-0.8, high=0.8)
-    phase_sigma_rad: float = parameter(0.02, "what the calibration leaves of the phases", low=0.0, high=0.5)
+    phase_sigma_rad: float = parameter(
+        0.02, "what the calibration leaves of the phases", low=0.0, high=0.5
+    )
 
     @property
     def rotation(self) -> Array:

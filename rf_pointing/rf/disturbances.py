@@ -25,22 +25,30 @@ class DropoutParams(Params):
 class Dropouts:
     """Dropouts between two times, drawn once from `rng`; they never overlap."""
 
-    def __init__(self, params: DropoutParams, start_s: float, stop_s: float, rng: "np.random.Generator") -> None:
+    def __init__(
+        self, params: DropoutParams, start_s: float, stop_s: float, rng: "np.random.Generator"
+    ) -> None:
         lengths = rng.uniform(params.shortest_s, params.longest_s, params.count)
         free = stop_s - start_s - float(np.sum(lengths)) - params.gap_s * (params.count + 1)
         if free < 0.0:
-            raise ValueError(f"count={params.count} dropouts need {-free:.1f} s more than stop_s - start_s")
+            raise ValueError(
+                f"count={params.count} dropouts need {-free:.1f} s more than stop_s - start_s"
+            )
         # Sorted random cuts of the free time are the gaps: every arrangement is equally likely.
         cuts = np.sort(rng.uniform(0.0, free, params.count))
         before = np.concatenate([[0.0], np.cumsum(lengths)])[:-1]
-        self.start_s: Array = start_s + cuts + before + params.gap_s * np.arange(1, params.count + 1)
+        self.start_s: Array = (
+            start_s + cuts + before + params.gap_s * np.arange(1, params.count + 1)
+        )
         self.stop_s: Array = self.start_s + lengths
 
     def level_db_hz(self, t_s: ArrayLike, carrier_to_noise_db_hz: ArrayLike) -> Array:
         """Return the C/N0 with the dropouts taken out of it: -inf while there is no carrier."""
         times = np.asarray(t_s, dtype=np.float64)
         inside = (times[..., None] >= self.start_s) & (times[..., None] < self.stop_s)
-        return np.where(inside.any(axis=-1), -np.inf, np.asarray(carrier_to_noise_db_hz, dtype=np.float64))
+        return np.where(
+            inside.any(axis=-1), -np.inf, np.asarray(carrier_to_noise_db_hz, dtype=np.float64)
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,10 +70,17 @@ def spin_gain_db(params: SpinParams, t_s: ArrayLike) -> Array:
 class InterferenceParams(Params):
     """A line near the carrier, through a sidelobe: its ratio in the differences is its own."""
 
-    level_db_hz: float = parameter(25.0, "power of the line over the noise density", low=-40.0, high=120.0)
-    frequency_offset_hz: float = parameter(7.0, "distance from the carrier", low=-1000.0, high=1000.0)
+    level_db_hz: float = parameter(
+        25.0, "power of the line over the noise density", low=-40.0, high=120.0
+    )
+    frequency_offset_hz: float = parameter(
+        7.0, "distance from the carrier", low=-1000.0, high=1000.0
+    )
     difference_ratio: tuple[float, float] = parameter(
-        (0.7, -0.4), "voltage in cross-elevation and elevation difference over that in the sum", low=-3.0, high=3.0
+        (0.7, -0.4),
+        "voltage in cross-elevation and elevation difference over that in the sum",
+        low=-3.0,
+        high=3.0,
     )
 
 
@@ -76,5 +91,9 @@ def interference_volts(params: InterferenceParams, t_s: Array, sample_s: float) 
     weakened = np.sinc(params.frequency_offset_hz * sample_s)
     # The phase of the mean over the sample is that of its middle.
     middle = t_s - 0.5 * sample_s
-    line = 10.0 ** (params.level_db_hz / 20.0) * weakened * np.exp(2j * math.pi * params.frequency_offset_hz * middle)
+    line = (
+        10.0 ** (params.level_db_hz / 20.0)
+        * weakened
+        * np.exp(2j * math.pi * params.frequency_offset_hz * middle)
+    )
     return np.asarray(np.array([1.0, *params.difference_ratio])[:, None] * line)

@@ -43,21 +43,35 @@ class FeedVoltages(NamedTuple):
 class MonopulseFeedParams(Params):
     """Gains and errors of the feed and its comparator; pairs are cross-elevation, elevation."""
 
-    slope: float = parameter(1.57, "h d(difference/sum)/dx on the axis, per half-power beamwidth", low=0.1, high=2.5)
+    slope: float = parameter(
+        1.57, "h d(difference/sum)/dx on the axis, per half-power beamwidth", low=0.1, high=2.5
+    )
     difference_gain_db: tuple[float, float] = parameter(
-        (0.0, 0.0), "gain of each difference channel relative to the sum channel", low=-20.0, high=20.0
+        (0.0, 0.0),
+        "gain of each difference channel relative to the sum channel",
+        low=-20.0,
+        high=20.0,
     )
     difference_phase_rad: tuple[float, float] = parameter(
-        (0.0, 0.0), "phase of each difference channel relative to the sum channel", low=-math.pi, high=math.pi
+        (0.0, 0.0),
+        "phase of each difference channel relative to the sum channel",
+        low=-math.pi,
+        high=math.pi,
     )
     cross_talk: tuple[float, float] = parameter(
-        (0.0, 0.0), "voltage ratio of elevation in the cross-elevation channel and the reverse", low=0.0, high=1.0
+        (0.0, 0.0),
+        "voltage ratio of elevation in the cross-elevation channel and the reverse",
+        low=0.0,
+        high=1.0,
     )
     cross_talk_phase_rad: tuple[float, float] = parameter(
         (0.0, 0.0), "phase of each cross-talk", low=-math.pi, high=math.pi
     )
     sum_leakage: tuple[float, float] = parameter(
-        (0.0, 0.0), "voltage ratio of the sum in each difference: shifts the null", low=0.0, high=1.0
+        (0.0, 0.0),
+        "voltage ratio of the sum in each difference: shifts the null",
+        low=0.0,
+        high=1.0,
     )
     sum_leakage_phase_rad: tuple[float, float] = parameter(
         (0.0, 0.0), "phase of each sum leakage", low=-math.pi, high=math.pi
@@ -74,7 +88,9 @@ class MonopulseFeed:
             beam.replace(half_power_beamwidth_rad=ANY_BEAMWIDTH_RAD), params.slope
         )
         self._mixing = _mixing_matrix(params)
-        self._leakage = np.array([_phasor(params.sum_leakage[i], params.sum_leakage_phase_rad[i]) for i in (0, 1)])
+        self._leakage = np.array(
+            [_phasor(params.sum_leakage[i], params.sum_leakage_phase_rad[i]) for i in (0, 1)]
+        )
 
     def voltages(self, cross_elevation_rad: ArrayLike, elevation_rad: ArrayLike) -> FeedVoltages:
         """Return the three channels for a target at this offset (target minus beam)."""
@@ -91,7 +107,9 @@ class MonopulseFeed:
             gain[1, 0] * right + gain[1, 1] * up + self._leakage[1] * total,
         )
 
-    def power_gain(self, cross_elevation_rad: ArrayLike, elevation_rad: ArrayLike) -> NDArray[np.float64]:
+    def power_gain(
+        self, cross_elevation_rad: ArrayLike, elevation_rad: ArrayLike
+    ) -> NDArray[np.float64]:
         """Return the power of the sum channel relative to the target on the axis."""
         return np.abs(self.voltages(cross_elevation_rad, elevation_rad).sum) ** 2
 
@@ -102,7 +120,10 @@ def _phasor(amplitude: float, phase_rad: float) -> complex:
 
 def _mixing_matrix(params: MonopulseFeedParams) -> ComplexArray:
     talk = [_phasor(params.cross_talk[i], params.cross_talk_phase_rad[i]) for i in (0, 1)]
-    gain = [_phasor(10.0 ** (params.difference_gain_db[i] / 20.0), params.difference_phase_rad[i]) for i in (0, 1)]
+    gain = [
+        _phasor(10.0 ** (params.difference_gain_db[i] / 20.0), params.difference_phase_rad[i])
+        for i in (0, 1)
+    ]
     return np.array([[gain[0], gain[0] * talk[0]], [gain[1] * talk[1], gain[1]]])
 
 
@@ -115,7 +136,12 @@ def _comparator(
         angle = np.hypot(x - sign_x * squint, y - sign_y * squint) / width
         return normalised_voltage(beam, angle)
 
-    upper_right, upper_left, lower_right, lower_left = beam_at(1, 1), beam_at(-1, 1), beam_at(1, -1), beam_at(-1, -1)
+    upper_right, upper_left, lower_right, lower_left = (
+        beam_at(1, 1),
+        beam_at(-1, 1),
+        beam_at(1, -1),
+        beam_at(-1, -1),
+    )
     # Relative to the sum on the axis, so that the C/N0 is that of a beam on the target.
     on_axis = 4.0 * float(normalised_voltage(beam, np.asarray(math.sqrt(2.0) * squint / width)))
     right, left = upper_right + lower_right, upper_left + lower_left
@@ -127,7 +153,8 @@ def _comparator(
 def _squint_and_width(beam: BeamParams, slope: float) -> tuple[float, float]:
     """Return squint and beamwidth of the four beams, both in half-power beamwidths of the sum."""
     ratio = bracketed_root(
-        lambda ratio: _sum_beamwidth(beam, ratio) * _slope_per_width(beam, ratio) - slope, *SQUINT_BETWEEN
+        lambda ratio: _sum_beamwidth(beam, ratio) * _slope_per_width(beam, ratio) - slope,
+        *SQUINT_BETWEEN,
     )
     width = 1.0 / _sum_beamwidth(beam, ratio)
     return ratio * width, width
@@ -142,7 +169,9 @@ def _slope_per_width(beam: BeamParams, ratio: float) -> float:
 def _sum_beamwidth(beam: BeamParams, ratio: float) -> float:
     """Half-power beamwidth of the sum of four beams of width 1 squinted by `ratio`."""
     half = bracketed_root(
-        lambda half: float(_comparator(beam, ratio, 1.0, np.asarray(half), np.asarray(0.0))[0]) ** 2 - 0.5,
+        lambda half: (
+            float(_comparator(beam, ratio, 1.0, np.asarray(half), np.asarray(0.0))[0]) ** 2 - 0.5
+        ),
         *HALF_WIDTH_BETWEEN,
     )
     return 2.0 * half

@@ -23,8 +23,12 @@ ZENITH_RAD = 0.5 * math.pi
 class LinkParams(Params):
     """Strength of the signal: C/N0 at the zenith at a reference range, beam on the target."""
 
-    zenith_carrier_to_noise_db_hz: float = parameter(60.0, "C/N0 at the zenith", low=0.0, high=140.0)
-    reference_range_m: float = parameter(500e3, "range at which that C/N0 is received", low=1.0, high=1e16)
+    zenith_carrier_to_noise_db_hz: float = parameter(
+        60.0, "C/N0 at the zenith", low=0.0, high=140.0
+    )
+    reference_range_m: float = parameter(
+        500e3, "range at which that C/N0 is received", low=1.0, high=1e16
+    )
 
     def level_db_hz(self, range_m: float, satellite_gain_db: float = 0.0) -> float:
         """Return the C/N0 of a beam on the target: that of the zenith over this distance.
@@ -38,14 +42,18 @@ class LinkParams(Params):
 class Link:
     """C/N0 over range and elevation."""
 
-    def __init__(self, params: LinkParams, atmosphere: AtmosphereParams, noise: NoiseParams) -> None:
+    def __init__(
+        self, params: LinkParams, atmosphere: AtmosphereParams, noise: NoiseParams
+    ) -> None:
         self.params = params
         self.atmosphere = atmosphere
         self.noise = noise
         self._zenith_loss_db = float(atmosphere_loss_db(atmosphere, ZENITH_RAD))
         self._zenith_noise_k = float(system_noise_k(noise, atmosphere, ZENITH_RAD))
 
-    def carrier_to_noise_db_hz(self, range_m: ArrayLike, elevation_rad: ArrayLike) -> NDArray[np.float64]:
+    def carrier_to_noise_db_hz(
+        self, range_m: ArrayLike, elevation_rad: ArrayLike
+    ) -> NDArray[np.float64]:
         """Return C/N0 in dB-Hz for the beam on the target; elevation within [0, pi], range > 0."""
         distance = np.asarray(range_m, dtype=np.float64)
         if not (distance > 0.0).all():
@@ -55,4 +63,6 @@ class Link:
         air_db = atmosphere_loss_db(self.atmosphere, elevation_rad) - self._zenith_loss_db
         noise_k = system_noise_k(self.noise, self.atmosphere, elevation_rad)
         noise_db = 10.0 * np.log10(noise_k / self._zenith_noise_k)
-        return np.asarray(self.params.zenith_carrier_to_noise_db_hz - spreading_db - air_db - noise_db)
+        return np.asarray(
+            self.params.zenith_carrier_to_noise_db_hz - spreading_db - air_db - noise_db
+        )

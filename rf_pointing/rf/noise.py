@@ -34,8 +34,12 @@ class AtmosphereParams(Params):
     """Clear atmosphere as one absorbing layer."""
 
     zenith_loss_db: float = parameter(0.04, "loss at the zenith", low=0.0, high=20.0)
-    physical_temperature_k: float = parameter(275.0, "mean temperature of the absorbing air", low=150.0, high=330.0)
-    height_m: float = parameter(6000.0, "height of the equivalent homogeneous layer", low=500.0, high=20000.0)
+    physical_temperature_k: float = parameter(
+        275.0, "mean temperature of the absorbing air", low=150.0, high=330.0
+    )
+    height_m: float = parameter(
+        6000.0, "height of the equivalent homogeneous layer", low=500.0, high=20000.0
+    )
 
 
 def air_mass(elevation_rad: ArrayLike, height_m: float) -> NDArray[np.float64]:
@@ -106,14 +110,21 @@ class NoiseParams(Params):
     """
 
     lna_k: float = parameter(
-        5.45, "chain of amplifiers and losses behind the antenna, at its flange", low=0.0, high=5000.0
+        5.45,
+        "chain of amplifiers and losses behind the antenna, at its flange",
+        low=0.0,
+        high=5000.0,
     )
-    dichroic_k: float = parameter(0.0, "dichroic plate: reflection and ohmic loss", low=0.0, high=300.0)
+    dichroic_k: float = parameter(
+        0.0, "dichroic plate: reflection and ohmic loss", low=0.0, high=300.0
+    )
     ground_k: float = parameter(8.0, "spillover, mirrors and feed losses", low=0.0, high=300.0)
     cosmic_k: float = parameter(2.725, "sky behind the atmosphere", low=0.0, high=10000.0)
 
 
-def system_noise_k(noise: NoiseParams, atmosphere: AtmosphereParams, elevation_rad: ArrayLike) -> NDArray[np.float64]:
+def system_noise_k(
+    noise: NoiseParams, atmosphere: AtmosphereParams, elevation_rad: ArrayLike
+) -> NDArray[np.float64]:
     """Return the system noise temperature at this elevation."""
     # The air emits what it absorbs, at its own temperature.
     passed = 10.0 ** (-atmosphere_loss_db(atmosphere, elevation_rad) / 10.0)

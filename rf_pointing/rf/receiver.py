@@ -13,7 +13,14 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rf_pointing.core import CarrierPower, MonopulseCluster, Params, as_finite_array, parameter, require_between
+from rf_pointing.core import (
+    CarrierPower,
+    MonopulseCluster,
+    Params,
+    as_finite_array,
+    parameter,
+    require_between,
+)
 from rf_pointing.core.types import ComplexArray
 from rf_pointing.rf.beam import Beam
 from rf_pointing.rf.disturbances import InterferenceParams, interference_volts
@@ -32,13 +39,25 @@ LARGEST_EXCESS = 2.0
 class ReceiverParams(Params):
     """Noise, gain control and carrier loop of the tracking receiver."""
 
-    system_noise_k: float = parameter(25.0, "system noise temperature for powers in watts", low=1.0, high=1e4)
-    noise_bandwidth_hz: float = parameter(4e4, "bandwidth of the noise power measurement", low=1.0, high=1e9)
-    difference_noise_db: float = parameter(0.0, "noise of the differences above the sum's", low=-10.0, high=20.0)
-    agc_time_constant_s: float = parameter(0.5, "time constant of the gain control", low=0.01, high=100.0)
-    noise_time_constant_s: float = parameter(10.0, "averaging time of the noise estimate", low=0.1, high=1000.0)
+    system_noise_k: float = parameter(
+        25.0, "system noise temperature for powers in watts", low=1.0, high=1e4
+    )
+    noise_bandwidth_hz: float = parameter(
+        4e4, "bandwidth of the noise power measurement", low=1.0, high=1e9
+    )
+    difference_noise_db: float = parameter(
+        0.0, "noise of the differences above the sum's", low=-10.0, high=20.0
+    )
+    agc_time_constant_s: float = parameter(
+        0.5, "time constant of the gain control", low=0.01, high=100.0
+    )
+    noise_time_constant_s: float = parameter(
+        10.0, "averaging time of the noise estimate", low=0.1, high=1000.0
+    )
     frequency_offset_hz: float = parameter(0.02, "residual carrier frequency", low=-10.0, high=10.0)
-    phase_noise_rad: float = parameter(0.05, "random walk of the carrier phase over 1 s, rms", low=0.0, high=3.0)
+    phase_noise_rad: float = parameter(
+        0.05, "random walk of the carrier phase over 1 s, rms", low=0.0, high=3.0
+    )
     floor_db_hz: float = parameter(0.0, "smallest C/N0 the receiver reports", low=-20.0, high=40.0)
 
 
@@ -88,13 +107,17 @@ class Receiver:
         """
         times = as_finite_array("t_s", t_s, (None,))
         if len(times) < 3:
-            raise ValueError(f"t_s has {len(times)} samples, must have at least 3 to tell noise from carrier")
+            raise ValueError(
+                f"t_s has {len(times)} samples, must have at least 3 to tell noise from carrier"
+            )
         x = as_finite_array("offset_cross_elevation_rad", offset_cross_elevation_rad, (len(times),))
         y = as_finite_array("offset_elevation_rad", offset_elevation_rad, (len(times),))
         require_between("sample_s", sample_s, 1e-6, None)
         phase = self._advance_phase(times)
         carrier = _amplitude(carrier_to_noise_db_hz) * np.exp(1j * phase)
-        channels = carrier * np.array(self.feed.voltages(x, y)) + self._channel_noise(len(times), sample_s)
+        channels = carrier * np.array(self.feed.voltages(x, y)) + self._channel_noise(
+            len(times), sample_s
+        )
         if self.interference is not None:
             channels += interference_volts(self.interference, times, sample_s)
         gain, next_gain = self._advance_gain(channels[0], sample_s)
@@ -129,7 +152,9 @@ class Receiver:
         pattern = np.sqrt(self.beam.power_gain(offset_cross_elevation_rad, offset_elevation_rad))
         amplitude = float(np.mean(_amplitude(carrier_to_noise_db_hz) * pattern))
         if self.interference is not None:
-            amplitude += float(interference_volts(self.interference, np.array([t_s]), integration_s)[0, 0].real)
+            amplitude += float(
+                interference_volts(self.interference, np.array([t_s]), integration_s)[0, 0].real
+            )
         arm = amplitude + self.rng.standard_normal() * math.sqrt(0.5 / integration_s)
         # The square of the arm contains its own noise power; a power meter never reads below zero.
         ratio_hz = max(arm**2 - 0.5 / integration_s, 0.0)
@@ -181,7 +206,10 @@ class Receiver:
         # Back to the noise of the sum, whose density is wanted.
         scaled[1:] *= 10.0 ** (-self.params.difference_noise_db / 20.0)
         density = noise_variance(scaled, STEADY) * sample_s
-        still = (*self.state.still_densities[1 - MOST_CLUSTERS :], noise_variance(scaled, VIBRATING) * sample_s)
+        still = (
+            *self.state.still_densities[1 - MOST_CLUSTERS :],
+            noise_variance(scaled, VIBRATING) * sample_s,
+        )
         count = self.state.clusters + 1
         share = 1.0 - math.exp(-channels.shape[1] * sample_s / self.params.noise_time_constant_s)
         average = self.state.noise_density
@@ -227,8 +255,7 @@ def noise_variance(channels: ComplexArray, order: int) -> float:
 def _polynomials(count: int, order: int) -> NDArray[np.float64]:
     """Return the Legendre polynomials (count, order + 1) at even times."""
     return np.asarray(
-        np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, count), order),
-        dtype=np.float64,
+        np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, count), order), dtype=np.float64
     )
 
 
@@ -248,7 +275,13 @@ def _db(ratio: float) -> float:
     return 10.0 * math.log10(ratio) if ratio > 0.0 else -math.inf
 
 
-def _power_sigma_w(ratio_hz: float, noise_w_hz: float, noise_sigma: float, integration_s: float) -> float:
+def _power_sigma_w(
+    ratio_hz: float, noise_w_hz: float, noise_sigma: float, integration_s: float
+) -> float:
     """CONSCAN B-2 with B-3 scaled from 1 s; the last term keeps the variance of noise alone."""
     ratio_variance = 2.0 * ratio_hz / integration_s + 0.5 / integration_s**2
-    return math.sqrt(noise_sigma**2 * ratio_hz**2 + ratio_variance * noise_w_hz**2 + noise_sigma**2 * ratio_variance)
+    return math.sqrt(
+        noise_sigma**2 * ratio_hz**2
+        + ratio_variance * noise_w_hz**2
+        + noise_sigma**2 * ratio_variance
+    )

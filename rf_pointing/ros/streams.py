@@ -21,8 +21,8 @@ from rf_pointing.ros.stamps import BILLION, seconds_from_raw, seconds_from_stamp
 
 KEPT = 100
 """Messages of a fast stream that wait to be used: two seconds at 50 Hz."""
+# Patience with readers; it doubles with each renewal, for a dead one stays in the graph 20 s.
 UNSERVED_S, LONGEST_UNSERVED_S = 10.0, 3600.0
-"""Patience with readers; it doubles with each renewal, for a dead one stays in the graph 20 s."""
 STAMP_RESOLUTION_S = 1e-6
 LEVEL = "carrier_to_noise"
 """The one number that may be -inf: dB-Hz where there is no carrier."""

@@ -71,10 +71,18 @@ def axis_inputs(
     the linear model, which still acts, takes nothing away.
     """
     # Unpacked once, bounds without calls: this runs for every axis in every substep.
-    decay, response, rate_limit, rate_gap, friction, excess, stribeck, brake, _, _, _, _, step = drive
+    decay, response, rate_limit, rate_gap, friction, excess, stribeck, brake, _, _, _, _, step = (
+        drive
+    )
     if powered:
         # The rate limit first: a command beyond it must not ask for more torque than one at it.
-        command = -rate_limit if command < -rate_limit else command if command < rate_limit else rate_limit
+        command = (
+            -rate_limit
+            if command < -rate_limit
+            else command
+            if command < rate_limit
+            else rate_limit
+        )
         least, most = rate - rate_gap, rate + rate_gap
         command = least if command < least else command if command < most else most
     else:
@@ -104,7 +112,10 @@ def gear_correction(deflection: float, rate: float, drive: DriveConstants) -> fl
     deflection += 0.5 * step * rate
     if -preload <= deflection <= preload:
         return 0.0
-    forward, backward = _tooth_wind(preload + deflection, play), _tooth_wind(preload - deflection, play)
+    forward, backward = (
+        _tooth_wind(preload + deflection, play),
+        _tooth_wind(preload - deflection, play),
+    )
     # A train within its play carries neither spring nor damping force.
     touching = 0.5 * (forward != 0.0) + 0.5 * (backward != 0.0)
     return stiffness * (deflection - 0.5 * (forward - backward)) + damping * rate * (1.0 - touching)

@@ -132,7 +132,9 @@ def _modes(params: PlantParams) -> list[_Mode]:
     factor = params.pinion_factor
     bending = (factor * params.azimuth_to_bending, factor)
     azimuth = _axis_modes("azimuth", params.azimuth, params.azimuth_modes_in_elevation, (1.0, 0.0))
-    elevation = _axis_modes("elevation", params.elevation, params.elevation_modes_in_azimuth, (0.0, 1.0), bending)
+    elevation = _axis_modes(
+        "elevation", params.elevation, params.elevation_modes_in_azimuth, (0.0, 1.0), bending
+    )
     cross = _Mode(
         "cross",
         2.0 * math.pi * params.cross_mode_frequency_hz,
@@ -155,7 +157,9 @@ def _axis_modes(
     modes = []
     for index, frequency in enumerate(axis.mode_frequency_hz):
         own = axis.mode_encoder_residue[index], axis.mode_beam_residue[index]
-        encoder, beam = ((seen, cross[index]) if name == "azimuth" else (cross[index], seen) for seen in own)
+        encoder, beam = (
+            (seen, cross[index]) if name == "azimuth" else (cross[index], seen) for seen in own
+        )
         excited = first if first is not None and index == 0 else excitation
         omega, damping = 2.0 * math.pi * frequency, axis.mode_damping[index]
         modes.append(_Mode(f"{name}_mode{index + 1}", omega, damping, excited, encoder, beam))

@@ -30,12 +30,20 @@ class AxisParams(Params):
     gear_stiffness_n_m: float = parameter(
         description="stiffness of the gears per radian of the axis", low=1.0, high=1e13
     )
-    gear_damping: float = parameter(description="damping ratio of the gear mode", low=1e-4, high=1.0)
-    backlash_rad: float = parameter(description="half width of the gear play, at the axis", low=0.0, high=0.01)
-    countertorque_n_m: float = parameter(
-        description="torque by which the paired drives load the gears against each other", low=0.0, high=1e9
+    gear_damping: float = parameter(
+        description="damping ratio of the gear mode", low=1e-4, high=1.0
     )
-    coulomb_friction_n_m: float = parameter(description="friction torque of the moving axis", low=0.0, high=1e8)
+    backlash_rad: float = parameter(
+        description="half width of the gear play, at the axis", low=0.0, high=0.01
+    )
+    countertorque_n_m: float = parameter(
+        description="torque by which the paired drives load the gears against each other",
+        low=0.0,
+        high=1e9,
+    )
+    coulomb_friction_n_m: float = parameter(
+        description="friction torque of the moving axis", low=0.0, high=1e8
+    )
     static_friction_ratio: float = parameter(
         description="breakaway torque over the friction torque (Stribeck)", low=1.0, high=5.0
     )
@@ -45,18 +53,30 @@ class AxisParams(Params):
     mode_frequency_hz: tuple[float, ...] = parameter(
         description="frequencies of the flexible modes", low=1e-3, high=200.0
     )
-    mode_damping: tuple[float, ...] = parameter(description="damping ratios of the modes", low=1e-5, high=0.999)
-    mode_encoder_residue: tuple[float, ...] = parameter(description="what the encoder sees", low=-10.0, high=10.0)
-    mode_beam_residue: tuple[float, ...] = parameter(description="what the beam sees", low=-10.0, high=10.0)
-    rate_limit_rad_s: float = parameter(description="largest rate the drive accepts", low=1e-6, high=10.0)
+    mode_damping: tuple[float, ...] = parameter(
+        description="damping ratios of the modes", low=1e-5, high=0.999
+    )
+    mode_encoder_residue: tuple[float, ...] = parameter(
+        description="what the encoder sees", low=-10.0, high=10.0
+    )
+    mode_beam_residue: tuple[float, ...] = parameter(
+        description="what the beam sees", low=-10.0, high=10.0
+    )
+    rate_limit_rad_s: float = parameter(
+        description="largest rate the drive accepts", low=1e-6, high=10.0
+    )
     acceleration_limit_rad_s2: float = parameter(
         description="largest acceleration the motors can give", low=1e-6, high=100.0
     )
-    brake_torque_n_m: float = parameter(description="holding torque of the brakes", low=0.0, high=1e10)
+    brake_torque_n_m: float = parameter(
+        description="holding torque of the brakes", low=0.0, high=1e10
+    )
     travel_min_rad: float = parameter(description="lower hard stop", low=-50.0, high=50.0)
     travel_max_rad: float = parameter(description="upper hard stop", low=-50.0, high=50.0)
     encoder_bits: int = parameter(description="encoder resolution per turn", low=8, high=40)
-    encoder_noise_rad: float = parameter(description="rms noise of one encoder reading", low=0.0, high=0.01)
+    encoder_noise_rad: float = parameter(
+        description="rms noise of one encoder reading", low=0.0, high=0.01
+    )
 
     ordered = ("travel_min_rad < travel_max_rad",)
 
@@ -65,7 +85,9 @@ class AxisParams(Params):
         count = len(self.mode_frequency_hz)
         for name in ("mode_damping", "mode_encoder_residue", "mode_beam_residue"):
             if len(getattr(self, name)) != count:
-                raise ValueError(f"{name} has {len(getattr(self, name))} values, mode_frequency_hz has {count}")
+                raise ValueError(
+                    f"{name} has {len(getattr(self, name))} values, mode_frequency_hz has {count}"
+                )
         if count == 0:
             raise ValueError("mode_frequency_hz has 0 values, must have at least 1")
 
@@ -90,23 +112,35 @@ class PlantParams(Params):
         description="place of the elevation pinion, 0 pushes horizontally", low=0.0, high=1.6
     )
     pinion_floor: float = parameter(
-        description="share of the bending mode that a vertical push still excites", low=0.0, high=1.0
+        description="share of the bending mode that a vertical push still excites",
+        low=0.0,
+        high=1.0,
     )
     azimuth_to_bending: float = parameter(
-        description="excitation of the bending mode by azimuth, relative to elevation", low=-1.0, high=1.0
+        description="excitation of the bending mode by azimuth, relative to elevation",
+        low=-1.0,
+        high=1.0,
     )
     azimuth_modes_in_elevation: tuple[float, ...] = parameter(
-        description="residues of the azimuth modes in encoder and beam of elevation", low=-1.0, high=1.0
+        description="residues of the azimuth modes in encoder and beam of elevation",
+        low=-1.0,
+        high=1.0,
     )
     elevation_modes_in_azimuth: tuple[float, ...] = parameter(
-        description="residues of the elevation modes in encoder and beam of azimuth", low=-1.0, high=1.0
+        description="residues of the elevation modes in encoder and beam of azimuth",
+        low=-1.0,
+        high=1.0,
     )
     cross_mode_frequency_hz: float = parameter(
         description="mode that azimuth excites and only elevation shows", low=1e-3, high=200.0
     )
     cross_mode_damping: float = parameter(description="its damping ratio", low=1e-5, high=0.999)
-    cross_mode_residue: float = parameter(description="its residue in both elevation outputs", low=-10.0, high=10.0)
-    substep_s: float = parameter(description="longest internal integration step", low=1e-5, high=0.05)
+    cross_mode_residue: float = parameter(
+        description="its residue in both elevation outputs", low=-10.0, high=10.0
+    )
+    substep_s: float = parameter(
+        description="longest internal integration step", low=1e-5, high=0.05
+    )
 
     def check_together(self) -> None:
         """Refuse what is not an axis, and cross residues that do not match its modes."""

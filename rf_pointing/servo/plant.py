@@ -129,9 +129,13 @@ class AntennaPlant:
     def check(self, params: PlantParams) -> None:
         """Raise ValueError if `reconfigure` would refuse these: the number of modes must stay."""
         for name in ("azimuth", "elevation"):
-            new, old = (len(getattr(each, name).mode_frequency_hz) for each in (params, self.params))
+            new, old = (
+                len(getattr(each, name).mode_frequency_hz) for each in (params, self.params)
+            )
             if new != old:
-                raise ValueError(f"{name}.mode_frequency_hz has {new} modes, must keep {old} while the antenna runs")
+                raise ValueError(
+                    f"{name}.mode_frequency_hz has {new} modes, must keep {old} while the antenna runs"
+                )
 
     def reconfigure(self, params: PlantParams) -> None:
         """Take new parameters with the motion going on; refused if the number of modes differs."""
@@ -217,8 +221,14 @@ class AntennaPlant:
         """Return, per axis, the newest command older than the dead time (zero before the first)."""
         state = self._state
         commands = state.commands
-        due_az, due_el = (sum(entry[0] <= state.time_s - delay + 1e-9 for entry in commands) for delay in self._delay)
-        found = commands[due_az - 1][1] if due_az else 0.0, commands[due_el - 1][2] if due_el else 0.0
+        due_az, due_el = (
+            sum(entry[0] <= state.time_s - delay + 1e-9 for entry in commands)
+            for delay in self._delay
+        )
+        found = (
+            commands[due_az - 1][1] if due_az else 0.0,
+            commands[due_el - 1][2] if due_el else 0.0,
+        )
         # What is in force on the slower axis, and what is newer.
         state.commands = commands[max(0, min(due_az, due_el) - 1) :]
         return found
@@ -242,10 +252,7 @@ class AntennaPlant:
         step_s = ticks * _GRID_S
         constants = (
             drive_constants(self.params.azimuth, step_s),
-            drive_constants(
-                self.params.elevation,
-                step_s,
-            ),
+            drive_constants(self.params.elevation, step_s),
         )
         self._cache[ticks] = (discretise(self._model.a, self._model.b, step_s), constants)
         return self._cache[ticks]
@@ -268,9 +275,22 @@ class AntennaPlant:
         self._encoder_noise = [axis.encoder_noise_rad for axis in axes]
 
     def _rest(self, position_rad: Array) -> PlantState:
-        for name, angle, (low, high) in zip(("azimuth", "elevation"), position_rad, self._travel, strict=True):
+        for name, angle, (low, high) in zip(
+            ("azimuth", "elevation"), position_rad, self._travel, strict=True
+        ):
             require_between(f"position_rad ({name})", float(angle), low, high)
         x = np.zeros(self._size)
         x[:2] = position_rad
         encoder = np.round(position_rad / np.array(self._encoder_step)) * self._encoder_step
-        return PlantState(x, 0.0, 0.0, True, False, -1, (False, False), encoder, (), self._random.bit_generator.state)
+        return PlantState(
+            x,
+            0.0,
+            0.0,
+            True,
+            False,
+            -1,
+            (False, False),
+            encoder,
+            (),
+            self._random.bit_generator.state,
+        )

@@ -22,7 +22,11 @@ _COUPLING = {60: 0.10, 90: 0.03}
 
 
 def dss13_plant(
-    *, elevation_deg: int = 60, bending: str = "bwg", pinion_angle_rad: float = 0.0, ideal: bool = False
+    *,
+    elevation_deg: int = 60,
+    bending: str = "bwg",
+    pinion_angle_rad: float = 0.0,
+    ideal: bool = False,
 ) -> PlantParams:
     """Return the DSS-13 plant.
 
@@ -62,7 +66,12 @@ def dss13_plant(
         travel_max_rad=math.radians(92.0),
     )
     if ideal:
-        linear = {"coulomb_friction_n_m": 0.0, "backlash_rad": 0.0, "encoder_bits": 40, "encoder_noise_rad": 0.0}
+        linear = {
+            "coulomb_friction_n_m": 0.0,
+            "backlash_rad": 0.0,
+            "encoder_bits": 40,
+            "encoder_noise_rad": 0.0,
+        }
         azimuth, elevation = azimuth.replace(**linear), elevation.replace(**linear)
     return PlantParams(
         azimuth=azimuth,
@@ -70,7 +79,9 @@ def dss13_plant(
         pinion_angle_rad=pinion_angle_rad,
         pinion_floor=0.28,
         azimuth_to_bending=_COUPLING[elevation_deg],
-        azimuth_modes_in_elevation=tuple(_COUPLING[elevation_deg] * residue for residue in (0.05, 0.02, 0.02)),
+        azimuth_modes_in_elevation=tuple(
+            _COUPLING[elevation_deg] * residue for residue in (0.05, 0.02, 0.02)
+        ),
         elevation_modes_in_azimuth=(0.0032, 0.001, 0.001),
         cross_mode_frequency_hz=5.76,
         cross_mode_damping=0.02,

@@ -45,8 +45,12 @@ class WindParams(Params):
 
     mean_speed_m_s: float = parameter(0.0, "mean wind speed", low=0.0, high=60.0)
     from_azimuth_rad: float = parameter(0.0, "azimuth the wind comes from", low=-6.3, high=6.3)
-    drag_coefficient: float = parameter(0.005, "surface drag coefficient kappa of the site", low=0.0, high=0.1)
-    lateral_ratio: float = parameter(0.75, "rms of the gusts across the wind over those along it", low=0.0, high=2.0)
+    drag_coefficient: float = parameter(
+        0.005, "surface drag coefficient kappa of the site", low=0.0, high=0.1
+    )
+    lateral_ratio: float = parameter(
+        0.75, "rms of the gusts across the wind over those along it", low=0.0, high=2.0
+    )
     dish_diameter_m: float = parameter(34.0, "dish diameter", low=0.1, high=200.0)
     air_density: float = parameter(1.225, "air density in kg/m^3", low=0.1, high=2.0)
     moment_base: float = parameter(0.10, "moment coefficient c0", low=-1.0, high=1.0)
@@ -65,7 +69,11 @@ class WindState:
 
 
 def wind_torque_n_m(
-    params: WindParams, along_m_s: float, across_m_s: float, azimuth_rad: float, elevation_rad: float
+    params: WindParams,
+    along_m_s: float,
+    across_m_s: float,
+    azimuth_rad: float,
+    elevation_rad: float,
 ) -> tuple[float, float]:
     """Return the torques (N m) on azimuth and elevation of a wind on the dish's attitude.
 
@@ -102,7 +110,10 @@ class GustFilter:
         scale = 2.0 * math.pi * mean_speed_m_s / GUST_LENGTH_M
         gain = scale * math.sqrt(0.5 * drag_coefficient * mean_speed_m_s * GUST_LENGTH_M * _LEVEL)
         # Those of s (s + z1)(s + z2) / prod(s + p) at its poles.
-        residues = [-p * np.prod(_ZEROS - p) / np.prod(np.delete(_POLES, k) - p) for k, p in enumerate(_POLES)]
+        residues = [
+            -p * np.prod(_ZEROS - p) / np.prod(np.delete(_POLES, k) - p)
+            for k, p in enumerate(_POLES)
+        ]
         return cls(scale * _POLES, gain * np.array(residues))
 
     def step_matrices(self, dt_s: float) -> tuple[Array, Array]:
@@ -123,7 +134,9 @@ class Wind:
     def __init__(self, params: WindParams, random: "np.random.Generator") -> None:
         self.params, self._random = params, random
         self._blows = params.mean_speed_m_s > _CALM_M_S
-        self._filter = GustFilter.davenport(max(params.mean_speed_m_s, _CALM_M_S), params.drag_coefficient)
+        self._filter = GustFilter.davenport(
+            max(params.mean_speed_m_s, _CALM_M_S), params.drag_coefficient
+        )
         self._decay, self._noise = self._filter.step_matrices(_GUST_STEP_S)
         filters = random.standard_normal((2, 4)) @ self._filter.step_matrices(math.inf)[1].T
         self._state = WindState(filters, _GUST_STEP_S, random.bit_generator.state)

@@ -23,15 +23,15 @@ from rf_pointing.core.types import Array, Pair
 from rf_pointing.tracking.scan import Offset, growth
 from rf_pointing.tracking.search import Legs
 
+# Largest speed of a curve in radii times turns of its slowest part, w.
 CURVES = {"circle": 1.0, "lissajous": 5.0, "rosette": 5.0}
-"""Largest speed of a curve in radii times turns of its slowest part, w."""
 POINTS = {
     "five_point": ((0, 0), (-1, 0), (1, 0), (0, -1), (0, 1)),
     "nine_point": ((0, 0), (1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1)),
 }
 PATTERNS = ("cross", *POINTS, "raster", "drift", *CURVES)
+# First axis of the offsets: on the sky along the horizon, of the azimuth axis, or to the east.
 ACROSS, AZIMUTH, EAST = FRAMES = ("cross_elevation", "azimuth", "right_ascension")
-"""First axis of the offsets: on the sky along the horizon, of the azimuth axis, or to the east."""
 SHORTEST_RAMP_S = 2.0
 
 

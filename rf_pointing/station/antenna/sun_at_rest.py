@@ -18,16 +18,16 @@ from rf_pointing.ephemeris.solar import PATH_STEP_S, SolarDirection
 from rf_pointing.planning import Gate
 from rf_pointing.planning.forbidden_sky import EARTH_RATE_RAD_S, angle_between
 
+# Axes slower than this are overtaken by the Sun.
 AT_REST_RAD_S = 0.5 * EARTH_RATE_RAD_S
-"""Axes slower than this are overtaken by the Sun."""
+# Time between two looks at the Sun's path.
 EVERY_S = 1.0
-"""Time between two looks at the Sun's path."""
+# The place to turn to is so much further from the Sun than its zone reaches.
 MARGIN_RAD = math.radians(0.1)
-"""The place to turn to is so much further from the Sun than its zone reaches."""
+# Directions, and places in each beyond the zone, that are looked at for one to turn to.
 BEARINGS, STEPS, FARTHEST_RAD = 16, 24, math.radians(20.0)
-"""Directions, and places in each beyond the zone, that are looked at for one to turn to."""
+# Places whose way is looked for: each costs milliseconds of a control tick.
 TRIED = 20
-"""Places whose way is looked for: each costs milliseconds of a control tick."""
 
 
 @dataclass(frozen=True, kw_only=True)

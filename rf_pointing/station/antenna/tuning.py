@@ -39,23 +39,23 @@ from rf_pointing.station.antenna.axis_response import (
     frequency_grid,
 )
 
+# Mean wind that a loop is tuned for unless one is given.
 USUAL_WIND_M_S = 8.0
-"""Mean wind that a loop is tuned for unless one is given."""
+# Peak of |S|: leaves a gain margin of 2 and a phase margin of 29 deg.
 MOST_SENSITIVE = 2.0
-"""Peak of |S|: leaves a gain margin of 2 and a phase margin of 29 deg."""
+# Share of the peak that is tuned for; the optimiser may stop a little beyond it.
 RESERVE = 0.99
-"""Share of the peak that is tuned for; the optimiser may stop a little beyond it."""
 OFF = (AS_KNOWN, *(Variation(each, 1.3) for each in (0.9, 0.95, 1.0, 1.05, 1.1)))
 OFF_FINE = tuple(Variation(0.9 + 0.01 * k, share) for k in range(21) for share in (0.7, 1.0, 1.3))
 PLAY = tuple(Variation(gear=share) for share in (0.05, 0.1, 0.2, 0.5))
+# From this share of half the sampling rate on, |C| times the period is at most `HIGH_GAIN`.
 HIGH_SHARE, HIGH_GAIN = 0.2, 0.5
-"""From this share of half the sampling rate on, |C| times the period is at most `HIGH_GAIN`."""
+# Largest |dG C S| of a model that is believed, from this frequency on, of so many lines.
 MOST_MISSED, LOWEST_HZ, COHERENT = 0.25, 0.05, 50
-"""Largest |dG C S| of a model that is believed, from this frequency on, of so many lines."""
+# Least damping of the poles of notch and section.
 LEAST_DAMPING = 0.02
-"""Least damping of the poles of notch and section."""
+# One step of the encoder commands at most this share of the largest rate.
 STEP_SHARE = 0.05
-"""One step of the encoder commands at most this share of the largest rate."""
 PI_NAMES = (
     "proportional_gain", "integral_gain", "notch_frequency_hz", "notch_damping", "shaping_zero_hz",
     "shaping_zero_damping", "shaping_pole_hz", "shaping_pole_damping",

@@ -13,8 +13,8 @@ from rf_pointing.core.signals import TimeBuffer
 from rf_pointing.core.types import Array
 from rf_pointing.radiometry.scan_fit import Samples
 
+# Powers that wait at most: a stream that never comes must not let them grow.
 LONGEST_QUEUE = 200
-"""Powers that wait at most: a stream that never comes must not let them grow."""
 
 
 class ScanSamples:

@@ -30,15 +30,15 @@ from rf_pointing.station.pointing.multi_satellite_plan import (
     turns_of,
 )
 
+# A pass is not cut nearer to its ends, nor to another cut.
 SHORTEST_PART_S = 120.0
-"""A pass is not cut nearer to its ends, nor to another cut."""
 HANDOVER_POINTS, PART_STEP_S, MOST_PART_POINTS = 25, 10.0, 2000
+# The pieces of a stay are cut at the ends of each other while there are so few of them.
 FEW_PIECES = 60
-"""The pieces of a stay are cut at the ends of each other while there are so few of them."""
+# In a plan of more options what is further in time from a barred pass is not chosen again.
 MANY_OPTIONS, APART_S = 3000, 3600.0
-"""In a plan of more options what is further in time from a barred pass is not chosen again."""
+# Time at the horizon counts so much, beside the sine of the elevation.
 COUNT_WORTH = 0.2
-"""Time at the horizon counts so much, beside the sine of the elevation."""
 
 
 @dataclass(frozen=True, kw_only=True)

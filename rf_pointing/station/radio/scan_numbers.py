@@ -16,10 +16,10 @@ from rf_pointing.radiometry.y_factor import Figures, Sigma
 from rf_pointing.station.campaign.offset_table import COLUMNS
 from rf_pointing.station.campaign.offset_table import SIGMA as SIGMA_COLUMN
 
+# Sigma of an offset, in beamwidths, up to which a table takes it.
 WELL_KNOWN = 0.2
-"""Sigma of an offset, in beamwidths, up to which a table takes it."""
+# Least sigma in a table, in beamwidths: play and gusts are not in the noise of the power.
 SUREST = 1e-3
-"""Least sigma in a table, in beamwidths: play and gusts are not in the noise of the power."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

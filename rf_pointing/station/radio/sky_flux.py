@@ -6,8 +6,8 @@ from functools import lru_cache
 from rf_pointing.ephemeris.celestial import moon_phase_rad
 from rf_pointing.radiometry.sources import FLUX_SOURCES, MOON, Flux, flux_of
 
+# In this time the Moon's temperature changes by 0.1 K.
 RENEWAL_S = 3600.0
-"""In this time the Moon's temperature changes by 0.1 K."""
 
 
 def flux_at(name: str, frequency_hz: float, t_s: float, sun_flux_sfu: float | None = None) -> Flux:
