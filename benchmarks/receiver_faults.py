@@ -164,7 +164,7 @@ class Watch:
 FAULTS: dict[str, tuple[str, dict[str, object], dict[str, object], str]] = {
     "killed": ("rtl_tcp", {"open": False}, {"open": True}, "rtl_tcp at"),
     "stalled for 6 s": ("rtl_tcp", {"silent": True}, {"silent": False}, "silent"),
-    "garbage": ("rtl_tcp", {"noise": True}, {"noise": False}, "clipped"),
+    "garbage": ("rtl_tcp", {"noise": True}, {"noise": False}, "garbage"),
     "clipped": ("rtl_tcp", {"gain": 300.0}, {"gain": 1.0}, "clipped"),
     "half the rate": ("rtl_tcp", {"share": 0.5}, {"share": 1.0}, "arrive"),
     "1e9 samples late": ("vita49", {"late_s": 1e9 / RATE_HZ}, {"late_s": 0.0}, "late"),

@@ -45,7 +45,7 @@ class Rig:
         self.tuned_hz: dict[str, float] = {}
         self.keyed: bool | None = None
         self.answer_s = self.step_hz = 0.0
-        """Time of the last answer; largest step of the last hundreds of tunings."""
+        """Time of the last answer to a tuning; largest step of the last hundreds of tunings."""
         self._wanted_hz: dict[str, float] = {}
         self._answered_hz: dict[str, float] = {}
         self._buffer = bytearray()
@@ -54,6 +54,7 @@ class Rig:
         self._replies: deque[Callable[[int], object]] = deque()
         self._fields: list[str] = []
         self._key_s = self._asked_s = -1e9
+        self._polled = False
 
     @property
     def problem(self) -> str:
@@ -122,12 +123,18 @@ class Rig:
     def _next(self, t_s: float) -> str:
         if self._queue:
             return self._queue.popleft()
-        if self.sends and t_s - self._key_s >= KEY_POLL_S and "get_ptt" not in self.refused:
+        wanted = self._wanted_hz
+        due = [each for each in wanted if self._answered_hz.get(each) != wanted[each]]
+        # A slow rig is asked for its key and tuned in turns, and so are its two frequencies.
+        polls = self.sends and t_s - self._key_s >= KEY_POLL_S and not (due and self._polled)
+        self._polled = polls and "get_ptt" not in self.refused
+        if self._polled:
             self._key_s = t_s
             return "t"
-        for command, hertz in self._wanted_hz.items():
-            if self._answered_hz.get(command) != hertz:
-                return f"{command} {hertz:.0f}" if hertz == round(hertz) else f"{command} {hertz:.1f}"
+        if due:
+            command = due[0]
+            hertz = wanted[command] = wanted.pop(command)
+            return f"{command} {hertz:.0f}" if hertz == round(hertz) else f"{command} {hertz:.1f}"
         if t_s - self._asked_s >= ASK_S:
             self._asked_s = t_s
             return "f"
@@ -152,7 +159,7 @@ class Rig:
             self.losses["noise"] += 1
             return
         sent, sent_s = self._pending.popleft()
-        self.answer_s, code, name = t_s - sent_s, int(end[1]), self._name(sent)
+        code, name = int(end[1]), self._name(sent)
         self._kept.answers()
         if code:
             self.refused[name] = f"{sent}: RPRT {code} ({RPRT_ERRORS.get(code, 'unknown error')})"
@@ -162,7 +169,7 @@ class Rig:
         command, _, argument = sent.partition(" ")
         if command in (RECEIVE, TRANSMIT):
             # One that it refuses is not sent again: the next one may be possible.
-            self._answered_hz[command] = float(argument)
+            self._answered_hz[command], self.answer_s = float(argument), t_s - sent_s
             if not code:
                 before_hz = self.tuned_hz.get(command, float(argument))
                 self.step_hz = max(FORGOTTEN * self.step_hz, abs(float(argument) - before_hz))

@@ -92,6 +92,7 @@ class RadioControlNode(StationNode):
             self._radio.order(self._inbox.get(), self.now_s())
         while self._refused:
             self.log_once("line refused", self._refused.popleft())
+        self._radio.follow(self.now_s(), time.monotonic())
         return 0.01
 
     def _step(self, t_s: float) -> None:

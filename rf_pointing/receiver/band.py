@@ -77,6 +77,10 @@ class BandPower:
             return power * math.sqrt(HANN_CORRELATION / (2 * self._half + 1) / blocks)
         return math.sqrt(self._scatter / blocks)
 
+    def forget(self) -> None:
+        """Begin anew with the average in which the band is looked for."""
+        self._mean, self._looks = None, 0.0
+
     def follow(self, noise: float) -> None:
         """Put the band where it holds most power; `noise` is the mean power of a bin of noise."""
         if self._mean is None or noise <= 0.0 or self._looks < 5.0:

@@ -239,8 +239,7 @@ class CarrierTracker:
         self.tracking, self._before, self._tracked = True, None, 0
         self._angle = 0.0
         self._recent.clear()
-        self._candidate_hz, self._mean, self._looks = None, None, 0.0
-        self._fine.clear()
+        self.begin_search()
 
     def _unrotated(self) -> list[ComplexArray]:
         """Return the blocks with the turns of the candidate from block to block taken out."""
@@ -290,7 +289,12 @@ class CarrierTracker:
             self.losses += 1
             # Meanwhile the loop has followed noise.
             self._last_hz = self._recent[0][1] if self._recent else self._loop.slow_hz
-        self.tracking, self._candidate_hz, self._mean, self._looks = False, None, None, 0.0
+        self.tracking = False
+        self.begin_search()
+
+    def begin_search(self) -> None:
+        """Forget what a search has found so far."""
+        self._candidate_hz, self._mean, self._looks = None, None, 0.0
         self._fine.clear()
 
 

@@ -17,6 +17,8 @@ from rf_pointing.receiver.spectrum import Samples
 RTL_MAGIC, RTL_HEADER = b"RTL0", 12
 RTL_FREQUENCY, RTL_RATE, RTL_GAIN_MODE, RTL_GAIN, RTL_AGC = 1, 2, 3, 4, 8
 PIECE_S = 0.02
+LARGEST = 1e9
+"""Larger floats are garbage; the sum of their squares would overflow."""
 FULL_SCALE: dict[str, tuple[Any, float]] = {
     "cu8": (np.dtype(np.uint8), 128.0),
     "ci8": (np.dtype(np.int8), 128.0),
@@ -32,9 +34,10 @@ def decoded(data: bytes, kind: str, channels: int = 1) -> tuple[Samples, float]:
     if kind == "cf32":
         parts = np.frombuffer(data, dtype="<f4").astype(np.float32)
         # A stream of floats may be of any scale, and NaN would stay in every average.
-        clipped = float(np.mean(~np.isfinite(parts))) if len(parts) else 0.0
+        good = np.abs(parts) < LARGEST
+        clipped = 1.0 - float(np.mean(good)) if len(parts) else 0.0
         if clipped:
-            parts = np.nan_to_num(parts, copy=False, nan=0.0, posinf=0.0, neginf=0.0)
+            parts[~good] = 0.0
     else:
         dtype, scale = FULL_SCALE[kind]
         raw = np.frombuffer(data, dtype=dtype)
@@ -174,7 +177,7 @@ class Zmq(Source):
         iq, channels = self.params.iq, self.params.signal.channels
         each = 2 * channels * (4 if iq.format == "cf32" else FULL_SCALE[iq.format][0].itemsize)
         if len(data) % each or not data:
-            self.losses["message of odd length"] += 1
+            self.refuse("message of odd length")
             return ()
         samples, clipped = decoded(data, iq.format, channels)
         return (self.iq(samples, clipped=clipped),)
@@ -189,6 +192,7 @@ class Soapy(Source):
     """Any radio of SoapySDR; Debian's python3-soapysdr."""
 
     _device: Any = None
+    _stream: Any = None
 
     def open(self) -> None:
         try:
@@ -229,7 +233,7 @@ class Soapy(Source):
         return (self.iq(self._buffers[:, : found.ret].copy(), clipped=clipped),)
 
     def close(self) -> None:
-        if self._device is not None:
-            self._device.deactivateStream(self._stream)
-            self._device.closeStream(self._stream)
-            self._device = None
+        device, stream, self._device, self._stream = self._device, self._stream, None, None
+        if stream is not None:
+            device.deactivateStream(stream)
+            device.closeStream(stream)

@@ -32,7 +32,7 @@ class LineSource(ByteSource):
             )
         if len(self._text) > LONGEST_LINE and b"\n" not in self._text[:LONGEST_LINE]:
             self._text = b""
-            self.losses["line without an end"] += 1
+            self.refuse("line without an end")
         if b"\n" not in self._text:
             return None
         line, self._text = self._text.split(b"\n", 1)
@@ -64,14 +64,16 @@ class LineSource(ByteSource):
         """Return the level in a text that was measured between `begun_s` and now."""
         found = re.search(self.params.level.pattern, text)
         if found is None:
-            self.losses["line without a level"] += 1
+            self.refuse("line without a level")
             return ()
         groups = found.groupdict()
         try:
             value = float(groups["level"])
         except (KeyError, TypeError, ValueError):
-            self.losses["line without a level"] += 1
+            self.refuse("line without a level")
             return ()
+        # A receiver may print a lot between its levels.
+        self._reads.clear()
         lock = groups.get("lock")
         now_s = self.now_s()
         # An instrument measures between request and answer.

@@ -34,6 +34,11 @@ CLIPPED_SHARE, CLIPPED_MOST = 1e-3, 0.1
 """Shares of clipped samples that are named, and beyond which a level no longer shows a scan."""
 LATE_S = 1.0
 LINE_S = 1.0
+RIVAL_DB = 3.0
+"""At the half-power edge of the beam a line that is weaker by less is the strongest one."""
+GARBAGE_SHARE, JUDGED, FEWEST, RELATED = 0.5, 4096, 500, 0.2
+FLAT_POWER, FLAT_KURTOSIS = 0.25, 2.2
+"""Numbers flat over the scale have 1/3 and 1.8, those at its ends 1 and 1; noise has 3."""
 BURST_S = 5.0
 """A signal of bursts counts as lost after so long without one."""
 NAMED_S = 10.0
@@ -54,6 +59,8 @@ class MeterState:
     """Findings of the meter about its stream, for the operator."""
 
     clipped: float = 0.0
+    garbage: float = 0.0
+    """Share of the newest pieces that are random numbers."""
     late_s: float | None = None
     line: Line | None = None
     outside_hz: float | None = None
@@ -97,7 +104,7 @@ class SignalMeter:
         self.preamble = PreambleDetector(signal, self.layout) if signal.kind == PREAMBLE else None
         self._burst_s: float | None = None
         self.noise = NoiseDensity(signal.noise_time_constant_s / self.params.period_s)
-        self._density = 0.0
+        self._density, self._level_db_hz = 0.0, math.inf
         wide_hz = signal.band_hz if signal.kind == BAND else 0.0
         self._reach = (
             round((signal.uncertainty_hz + 1.5 * wide_hz) / self.layout.bin_hz) + NOISE_BINS
@@ -131,6 +138,7 @@ class SignalMeter:
             self._centre_hz = arrived.centre_hz
         state, count = self.state, arrived.samples.shape[1]
         state.clipped += 0.2 * (arrived.clipped - state.clipped)
+        state.garbage += 0.2 * (is_random(arrived) - state.garbage)
         end = arrived.index + count
         if arrived.t_s is None:
             self.clock.take(end, arrived.arrival_s)
@@ -160,7 +168,11 @@ class SignalMeter:
             )
         if self.clock.wrong_rate:
             words.append(self.clock.wrong_rate)
-        if state.clipped > CLIPPED_SHARE:
+        if state.garbage > GARBAGE_SHARE and not self.found:
+            words.append(
+                "the samples are random numbers of full scale: garbage, or a gain far too high"
+            )
+        elif state.clipped > CLIPPED_SHARE:
             words.append(
                 f"{100.0 * state.clipped:.1f} % of the samples are clipped: lower the gain"
             )
@@ -171,10 +183,26 @@ class SignalMeter:
             )
         elif not self.found and state.blocks:
             words.append("no signal: nothing above the noise where it is predicted")
+        elif (line := self.rival) is not None:
+            words.append(
+                f"interference: {line}, where the signal has {self._level_db_hz:.0f} dB-Hz"
+            )
         if self.params.signal.channels == 3 and self.balance.problem:
             words.append(self.balance.problem)
         words += [text for at_s, text in state.events if 0.0 <= t_s - at_s < NAMED_S]
         return "; ".join(words)
+
+    @property
+    def rival(self) -> Line | None:
+        """The line that a search could take for the signal, or None.
+
+        Lines elsewhere, and weaker ones, are kept out of noise and signal.
+        """
+        line, signal = self.state.line, self.params.signal
+        if line is None or line.level_db_hz < self._level_db_hz - RIVAL_DB:
+            return None
+        reach_hz = signal.uncertainty_hz + (0.5 * signal.band_hz if signal.kind == BAND else 0.0)
+        return line if abs(line.offset_hz) <= reach_hz else None
 
     @property
     def found(self) -> bool:
@@ -270,6 +298,9 @@ class SignalMeter:
         density = layout.density(self._density)
         if noise.stepped:
             self._event(t_s, f"gain or noise has changed by {noise.step_db:+.1f} dB")
+            # Averages over both scales would show the louder one for long.
+            self.carrier.begin_search()
+            self.band.forget()
         if density <= 0.0 or self.state.clipped > CLIPPED_MOST:
             self._clear()
             return []
@@ -301,6 +332,7 @@ class SignalMeter:
             sigma_w=math.hypot(sigma, error) / density * watts,
             carrier_to_noise_db_hz=max(10.0 * math.log10(max(ratio_hz, 1e-9)), FLOOR_DB_HZ),
         )
+        self._level_db_hz = power.carrier_to_noise_db_hz
         cluster = (
             self._cluster(power, density)
             if self.params.signal.channels == 3 and blocks >= 3
@@ -313,13 +345,13 @@ class SignalMeter:
         """Return the power of a known sequence."""
         watts, end_s = BOLTZMANN_J_K * self.params.system_noise_k, self._time_s(burst.end)
         assert end_s is not None
-        self._burst_s = end_s
+        self._burst_s, self._level_db_hz = end_s, 10.0 * math.log10(burst.ratio_hz)
         power = CarrierPower(
             t_s=end_s,
             integration_s=burst.seconds,
             power_w=burst.ratio_hz * watts,
             sigma_w=math.hypot(burst.sigma_hz, burst.ratio_hz * self.noise.sigma) * watts,
-            carrier_to_noise_db_hz=10.0 * math.log10(burst.ratio_hz),
+            carrier_to_noise_db_hz=self._level_db_hz,
         )
         return Measurement(power, None, power_bound(burst.ratio_hz, burst.seconds) * watts)
 
@@ -345,6 +377,22 @@ class SignalMeter:
             self.state.line = strongest_line(mean, usable, self.layout.bin_hz, self._reach)
             self._long[:] = 0.0
             self._long_blocks = 0
+
+
+def is_random(arrived: IqSamples) -> bool:
+    """Return whether samples are random numbers in place of those of a receiver.
+
+    Numbers without relation to each other (a signal that fills the scale has one), and either
+    spread flat over the scale, where noise is Gaussian, or at its ends.
+    """
+    samples = arrived.samples[0, :JUDGED].astype(np.complex128)
+    squares = samples.view(np.float64) ** 2
+    power = float(np.mean(squares))
+    if len(samples) < FEWEST or not power:
+        return False
+    related = abs(complex(np.vdot(samples[:-1], samples[1:]))) / (2.0 * power * len(samples))
+    flat = power > FLAT_POWER and float(np.mean(squares**2)) < FLAT_KURTOSIS * power**2
+    return related < RELATED and (flat or arrived.clipped > CLIPPED_MOST)
 
 
 def channel_noise(block: Spectrum, frame: int) -> Array:

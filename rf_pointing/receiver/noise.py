@@ -54,14 +54,14 @@ class NoiseDensity:
         quiet = bins[bins < LINE * np.median(bins)]
         density = float(np.mean(quiet, dtype=np.float64))
         sigma = math.sqrt(HANN_CORRELATION / (len(quiet) * blocks))
-        change = density / self._average - 1.0 if self._count else 0.0
+        ratio = density / self._average if self._count else 1.0
         self.stepped = (
-            abs(change) > max(STEP_SIGMAS * math.hypot(sigma, self.sigma), STEP_SHARE)
+            abs(ratio - 1.0) > max(STEP_SIGMAS * math.hypot(sigma, self.sigma), STEP_SHARE)
             and self._count > 0
         )
         if self.stepped:
             self.steps += 1
-            self.step_db = 10.0 * math.log10(1.0 + change)
+            self.step_db = 10.0 * math.log10(ratio)
             self._count = 0
         self._count += 1
         share = max(1.0 / self._count, 1.0 / self._reports)

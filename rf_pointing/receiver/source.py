@@ -12,6 +12,7 @@ import threading
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 import serial
@@ -23,6 +24,7 @@ WAIT_S = 0.1
 """Longest wait of one `read`."""
 CONNECT_S = 3.0
 CHUNK = 262144
+FEWEST_REFUSED = 10
 KEPT_S = 2.0
 """Arrivals older than this are dropped when the station does not take them."""
 
@@ -56,6 +58,8 @@ class Source:
         self.index = 0
         """Samples received, lost ones included."""
         self._arrived: deque[Arrival] = deque()
+        self._reads: deque[str] = deque(maxlen=50)
+        """The newest reads: "" for arrivals, else why they are refused."""
         self._ended = threading.Event()
         self._thread: threading.Thread | None = None
 
@@ -104,6 +108,19 @@ class Source:
         rate_hz = rate_hz or self.params.iq.rate_hz
         return IqSamples(samples, rate_hz, index, self.now_s(), t_s, clipped, centre_hz)
 
+    def refuse(self, what: str) -> None:
+        """Count something that has arrived and could not be read."""
+        self.losses[what] += 1
+        self._reads.append(what)
+
+    @property
+    def garbage(self) -> str:
+        """Why most of what arrives is refused, "" while it is not."""
+        refused = [each for each in self._reads if each]
+        if len(refused) < FEWEST_REFUSED or 2 * len(refused) <= len(self._reads):
+            return ""
+        return f"garbage arrives: {len(refused)} of {len(self._reads)} times {refused[-1]}"
+
     def _run(self) -> None:
         link = self.params.link
         wait_s = link.first_retry_s
@@ -114,15 +131,20 @@ class Source:
                 while not self._ended.is_set():
                     arrivals = self.read()
                     if arrivals:
-                        heard_s, wait_s, self.problem = self.steady_s(), link.first_retry_s, ""
+                        heard_s, wait_s = self.steady_s(), link.first_retry_s
+                        self._reads.append("")
+                        self.problem = f"{self.where}: {self.garbage}" if self.garbage else ""
                         self._keep(arrivals)
                     elif (silent_s := self.steady_s() - heard_s) > link.silence_s:
-                        raise ConnectionError(f"silent for {silent_s:.1f} s")
+                        but = f"; {self.garbage}" if self.garbage else ""
+                        raise ConnectionError(f"silent for {silent_s:.1f} s{but}")
             except (OSError, ValueError, RuntimeError) as error:
                 self.losses["connection"] += 1
                 self.problem = f"{self.where}: {getattr(error, 'strerror', None) or error}"
             finally:
-                self.close()
+                # A device that is gone may refuse that as well.
+                with suppress(OSError, RuntimeError):
+                    self.close()
             self._ended.wait(wait_s)
             wait_s = min(2.0 * wait_s, link.longest_retry_s)
 

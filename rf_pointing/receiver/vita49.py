@@ -9,11 +9,12 @@ time stamps; the lowest identifier is the sum.
 """
 
 import struct
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from rf_pointing.receiver.params import SignalReceiverParams
 from rf_pointing.receiver.source import Arrival, ByteSource
 from rf_pointing.receiver.spectrum import Samples
 
@@ -140,8 +141,12 @@ class Vita49(ByteSource):
 
     transport = "udp"
 
-    def greet(self) -> None:
+    def __init__(self, params: SignalReceiverParams, now_s: Callable[[], float]) -> None:
+        super().__init__(params, now_s)
+        # Kept over a silence: samples may come before the next context.
         self._contexts: dict[int, Context] = {}
+
+    def greet(self) -> None:
         self._waiting: dict[int, dict[tuple[int, int], Packet]] = {}
         self._counts: dict[int, int] = {}
         self._origin: tuple[int, int, int] | None = None
@@ -156,7 +161,7 @@ class Vita49(ByteSource):
                 self._contexts[packet.stream] = decode_context(packet.payload)
             return self._data(packet) if packet.kind == DATA else ()
         except ValueError:
-            self.losses["packet that is not DIFI"] += 1
+            self.refuse("packet that is not DIFI")
             return ()
 
     def _data(self, packet: Packet) -> Sequence[Arrival]:

@@ -1,8 +1,10 @@
 """rigctld's protocol from both sides: a rig on a scripted link, and Hamlib's own client at the port."""
 
+import math
 import subprocess
 from collections.abc import Iterator
 
+import numpy as np
 import pytest
 
 from rf_pointing.drives.line_server import Inquiry, LineServer, ServerParams
@@ -69,6 +71,30 @@ def test_the_key_waits_for_no_answer_and_a_new_connection_begins_with_the_key_up
     for t_s in (2.1, 2.2):
         written = subject.at(t_s)
     assert written == b"+T 0\n"
+
+
+@pytest.mark.parametrize("answer_s", [0.002, 0.042, 0.3])
+def test_a_rig_of_any_speed_is_tuned_on_both_sides_and_asked_for_its_key(
+    monkeypatch: pytest.MonkeyPatch, answer_s: float
+) -> None:
+    """Frequencies that change all the time, and a rig that takes its time for each command."""
+    subject = Scripted(monkeypatch, sends=True, split=True)
+    sent, ready_s, answer = list[tuple[float, str]](), math.inf, ""
+    for step in range(1000):
+        t_s = 0.01 * step
+        subject.rig.tune(RECEIVE, 435e6 + step)
+        subject.rig.tune(TRANSMIT, 145e6 + step)
+        due = t_s >= ready_s
+        line = subject.at(t_s, answer if due else "").decode().strip("+\n")
+        ready_s = math.inf if due else ready_s
+        if line:
+            name = {"F": "set_freq", "I": "set_split_freq", "S": "set_split_vfo"}.get(line[0], "set_ptt")
+            answer = "get_ptt:\nPTT: 0\nRPRT 0\n" if line == "t" else f"{name}: {line[2:]}\nRPRT 0\n"
+            sent, ready_s = [*sent, (t_s, line[0])], t_s + answer_s
+    cycle_s = math.ceil(answer_s / 0.01) * 0.01
+    for letter, longest_s in ((RECEIVE, 4 * cycle_s), (TRANSMIT, 4 * cycle_s), ("t", 0.05 + 2 * cycle_s)):
+        times = [t_s for t_s, each in sent if each == letter]
+        assert max(np.diff(times)) <= longest_s + 0.05, letter
 
 
 def test_a_refusal_is_named_and_not_repeated_and_garbage_is_counted_or_ends_the_link(

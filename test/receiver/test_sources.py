@@ -83,9 +83,11 @@ class Line:
             wait_for(lambda: outlet.connected, "no client")
         else:
             # Neither UDP nor a subscription says that it is heard.
+            before = self.receiver.source.index
+
             def heard() -> bool:
                 self.run(PIECE_S, wait=False)
-                return self.receiver.source.index > 0
+                return self.receiver.source.index > before
 
             wait_for(heard, "no samples")
             self.receiver.step(self.t_s)
@@ -167,12 +169,15 @@ def test_difi_carries_three_channels_and_survives_lost_packets(line: Callable[..
     assert late.carrier_to_noise_db_hz == pytest.approx(LEVEL_DB_HZ, abs=1.0)
 
 
-def test_a_source_that_is_killed_is_named_and_comes_back(line: Callable[..., Line]) -> None:
-    subject = line("rtl_tcp")
+@pytest.mark.parametrize("kind", ["rtl_tcp", "zmq", "vita49"])
+def test_a_source_that_is_killed_comes_back(line: Callable[..., Line], kind: str) -> None:
+    if kind == "zmq":
+        pytest.importorskip("zmq")
+    subject = line(kind)
     subject.run(2.0)
     assert subject.outlet is not None
     subject.outlet.close()
-    wait_for(lambda: "rtl_tcp at 127.0.0.1" in subject.problem(), "a problem")
+    wait_for(lambda: f"{kind} at 127.0.0.1" in subject.problem(), "a problem")
     subject.outlet = None
     subject.stall(1.0)
     subject.outlet = subject.open_outlet()
@@ -236,15 +241,29 @@ def test_what_is_not_rtl_tcp_is_named() -> None:
         client.close()
 
 
-def test_garbage_on_the_port_of_difi_is_counted(line: Callable[..., Line]) -> None:
+def test_garbage_on_the_port_of_difi_is_named(line: Callable[..., Line]) -> None:
     subject = line("vita49")
     subject.run(2.0)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
         for size in (1, 27, 28, 100, 1400):
             sender.sendto(bytes(range(256)) * 6 if size == 1400 else b"\xff" * size, ("127.0.0.1", subject.port))
-    wait_for(lambda: subject.receiver.source.losses["packet that is not DIFI"] >= 5, "garbage")
-    subject.run(1.0)
-    assert not subject.problem()
+        wait_for(lambda: subject.receiver.source.losses["packet that is not DIFI"] >= 5, "garbage")
+        subject.run(1.0)
+        assert not subject.problem(), "a few are no problem"
+        for _ in range(60):
+            sender.sendto(b"\xff" * 100, ("127.0.0.1", subject.port))
+        subject.run(PIECE_S)
+        assert "garbage arrives: " in subject.problem()
+        assert subject.problem().endswith(" times packet that is not DIFI")
+        subject.run(3.0)
+        assert not subject.problem()
+
+        def silent() -> bool:
+            sender.sendto(b"\xff" * 100, ("127.0.0.1", subject.port))
+            return "silent for 1." in subject.problem()
+
+        wait_for(silent, "silence")
+        assert "garbage arrives: 50 of 50 times packet that is not DIFI" in subject.problem()
 
 
 def test_a_recording_is_written_read_and_replayed(tmp_path: Path) -> None:
@@ -291,17 +310,17 @@ def test_a_file_that_is_no_recording_is_refused(tmp_path: Path, content: str, re
 class Instrument(threading.Thread):
     """An instrument that answers each line of a request, or sends lines by itself."""
 
-    def __init__(self, answer: Callable[[str], str]) -> None:
+    def __init__(self, answer: Callable[[str], str], port: int = 0) -> None:
         super().__init__(daemon=True)
         self._answer, self.requests = answer, list[str]()
-        self._server = socket.create_server(("127.0.0.1", 0))
+        self._server, self._client = socket.create_server(("127.0.0.1", port)), None
         self.port = int(self._server.getsockname()[1])
         self.start()
 
     def run(self) -> None:
         with suppress(OSError):
             while True:
-                client, _ = self._server.accept()
+                self._client, _ = client, _ = self._server.accept()
                 with client, client.makefile("rw") as lines:
                     for line in lines:
                         self.requests.append(line.strip())
@@ -309,30 +328,38 @@ class Instrument(threading.Thread):
                         lines.flush()
 
     def close(self) -> None:
+        # `accept` of another thread goes on after a mere close.
+        self._server.shutdown(socket.SHUT_RDWR)
         self._server.close()
+        if self._client is not None:
+            with suppress(OSError):
+                self._client.shutdown(socket.SHUT_RDWR)
+        self.join(PATIENCE_S)
 
 
 @pytest.mark.parametrize(
-    ("kind", "request_", "answer", "value"),
-    [
-        ("scpi", "CALC:MARK1:Y?", "-63.25\n", -63.25),
-        ("rigctl", "l STRENGTH", "-12\n", -12.0),
-        ("level", "C/N?", "LOCK 1 C/N= 12.5 dB\n", 12.5),
-    ],
+    ("kind", "request_", "answer"),
+    [("scpi", "CALC:MARK1:Y?", "-{}\n"), ("rigctl", "l STRENGTH", "-{}\n"), ("level", "C/N?", "LOCK 1 C/N= -{} dB\n")],
 )
-def test_an_instrument_that_is_asked(kind: str, request_: str, answer: str, value: float) -> None:
-    instrument = Instrument(lambda _: answer)
+def test_an_instrument_is_asked_and_found_again(kind: str, request_: str, answer: str) -> None:
+    instrument = Instrument(lambda _: answer.format("63.25"))
     level = LevelParams(transport="tcp", request=request_ if kind == "level" else "",
-                        **({"pattern": r"LOCK (?P<lock>\d) C/N= *(?P<level>[\d.]+)"} if kind == "level" else {}))  # fmt: skip
-    link = SourceLinkParams(host="127.0.0.1", port=instrument.port)
-    source = make_source(SignalReceiverParams(type=kind, link=link, level=level), time.time)
+                        **({"pattern": r"LOCK (?P<lock>\d) C/N= *(?P<level>-[\d.]+)"} if kind == "level" else {}))  # fmt: skip
+    link = SourceLinkParams(host="127.0.0.1", port=instrument.port, first_retry_s=0.05, longest_retry_s=0.2)
+    source = make_source(SignalReceiverParams(type=kind, link=link, level=level, period_s=0.06), time.time)
     found: list[Any] = []
-    wait_for(lambda: found.extend(source.step()) or len(found) >= 3, "levels")
+    for value in (-63.25, -20.5):
+        wait_for(lambda: found.extend(source.step()) or len(found) >= 3, "levels")
+        wait_for(lambda: not source.problem, "no problem")
+        assert {(each.value, each.locked) for each in found} == {(value, True if kind == "level" else None)}
+        assert set(instrument.requests) == {request_}
+        instrument.close()
+        wait_for(lambda: f"{kind} at 127.0.0.1" in source.problem, "a problem")
+        source.step()
+        found.clear()
+        instrument = Instrument(lambda _: answer.format("20.5"), instrument.port)
     source.end()
     instrument.close()
-    assert [each.value for each in found] == [value] * len(found)
-    assert found[0].locked is (True if kind == "level" else None)
-    assert set(instrument.requests) == {request_}
 
 
 @pytest.mark.parametrize(

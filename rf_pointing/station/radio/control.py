@@ -21,6 +21,9 @@ from rf_pointing.station.radio.inhibit import Antenna, TransmitLine, TransmitRul
 RESTING = "radio_control is not active"
 PERIOD_S = 0.02
 """A low orbit moves 1 GHz by up to 400 Hz/s: 8 Hz from update to update."""
+STEP_SHARE = 1e-8
+"""Largest step of a tuning, relative: 10 Hz at 1 GHz.  A rig that is slower is named."""
+LONGEST_ANSWER_S = 0.25
 ANY = "any"
 UNKEY_AGAIN_S = 0.1
 TRIES = 3
@@ -55,6 +58,8 @@ class RadioControl:
         self._transmitter = (
             make_rig(_link(transmit), sends=True) if transmit and not split else None
         )
+        # The transmitter first: it is unkeyed first.
+        self._rigs = [each for each in (self._transmitter, self._receiver) if each]
         if split:
             self._transmitter = self._receiver
         self._transmit_command = TRANSMIT if split else RECEIVE
@@ -65,7 +70,7 @@ class RadioControl:
         """Where in the passband each satellite is used."""
         self._active, self.inhibit = False, RESTING
         self._sun_rad: Pair | None = None
-        self._wall_s = 0.0
+        self._t_s = self._wall_s = 0.0
         self._unkeyed_s, self._tries, self.unkeyed = -math.inf, 0, 0
 
     # What is known
@@ -136,14 +141,19 @@ class RadioControl:
 
     def step(self, t_s: float, wall_s: float, sun_rad: Pair | None) -> None:
         """Tune, key, and set the line, as is due now."""
-        self._active, self._wall_s, self._sun_rad = True, wall_s, sun_rad
-        self._tune(t_s)
-        for rig in {
-            id(each): each for each in (self._receiver, self._transmitter) if each
-        }.values():
-            rig.step(wall_s)
+        self._active, self._sun_rad = True, sun_rad
+        self.follow(t_s, wall_s)
         self._decide(wall_s)
         self.view.keyed = self._transmitter is not None and bool(self._transmitter.keyed)
+
+    def follow(self, t_s: float, wall_s: float) -> None:
+        """Tune again if a rig has answered; between two steps, a slow rig waits for less."""
+        if not self._active:
+            return
+        self._wall_s = wall_s
+        self._tune(t_s)
+        for rig in self._rigs:
+            rig.step(wall_s)
 
     def rest(self, wall_s: float) -> None:
         """Unkey, and take the line down, until the next step."""
@@ -154,17 +164,16 @@ class RadioControl:
         """Unkey, and release rigs and line."""
         self._active = False
         self._line.close()
-        for rig in (self._transmitter, self._receiver):
-            if rig is not None:
-                rig.close()
+        for rig in self._rigs:
+            rig.close()
 
     def _tune(self, t_s: float) -> None:
-        channel = self._channel()
-        # The middle of the time until the next update.
-        shifts = self._motion.at(t_s + 0.5 * PERIOD_S)
-        if channel is None or shifts is None:
+        channel, self._t_s = self._channel(), t_s
+        receive, transmit = (self._shifts(rig, t_s) for rig in (self._receiver, self._transmitter))
+        if channel is None or receive is None or transmit is None:
             self.view.receive_hz = self.view.transmit_hz = None
             return
+        shifts = Shifts(receive.down, transmit.up)
         receive_hz, transmit_hz = self.frequencies_hz(channel, shifts)
         dial_hz = self._receive_dial.of(receive_hz)
         self.view.receive_hz = dial_hz
@@ -173,6 +182,23 @@ class RadioControl:
             self._receiver.tune(RECEIVE, dial_hz)
         if self._transmitter is not None and self.view.transmit_hz is not None:
             self._transmitter.tune(self._transmit_command, self.view.transmit_hz)
+
+    def _shifts(self, rig: Rig | None, t_s: float) -> Shifts | None:
+        """Return the shifts in the middle of the time for which a tuning holds."""
+        answer_s = min(rig.answer_s, LONGEST_ANSWER_S) if rig else 0.0
+        # It begins somewhere until the answer, and ends with the next one.
+        return self._motion.at(t_s + 0.5 * (answer_s + max(PERIOD_S, answer_s)))
+
+    def _slow(self, rig: Rig) -> str:
+        """Say how large the steps are where they are too large, else ""."""
+        now, later = self._motion.at(self._t_s), self._motion.at(self._t_s + 1.0)
+        if now is None or later is None:
+            return ""
+        step = abs(later.down - now.down) * max(PERIOD_S, rig.answer_s)
+        if step <= STEP_SHARE:
+            return ""
+        took = f"the rig takes {1e3 * rig.answer_s:.0f} ms for each"
+        return f" in steps of {1e9 * step:.0f} Hz at 1 GHz: {took}"
 
     def frequencies_hz(self, channel: Channel, shifts: Shifts) -> tuple[float, float | None]:
         """Return the frequencies on the air at the station, received and sent."""
@@ -262,7 +288,7 @@ class RadioControl:
                 "is not predicted now" if known else "is not in radio.transponders"
             )
             return Report(Level.WARN if name else Level.OK, words, values)
-        return Report(Level.OK, f"follows {self._motion.name}", values)
+        return Report(Level.OK, f"follows {self._motion.name}{self._slow(rig)}", values)
 
 
 def _place(rig: RigSection) -> tuple[str, int]:

@@ -1,6 +1,7 @@
 """Which errors a period may use, what the link must give, and what interrupts a mode."""
 
 import math
+from contextlib import nullcontext
 from dataclasses import replace
 from typing import Any
 
@@ -105,6 +106,22 @@ def test_a_sensor_needs_the_level_of_its_own_threshold_at_the_least_range(
         carrier.require_level(replace(window, smallest_range_m=2500e3), sensor, thresholds)
     else:
         carrier.require_level(nearest, sensor, thresholds)
+
+
+@pytest.mark.parametrize("compares", [True, False])
+def test_a_level_of_its_own_scale_meets_no_link(window: Pass, compares: bool) -> None:
+    """40 dB-Hz by the link; a total power whose noise is unknown reads 12."""
+    carrier = CarrierWatch(LockWatchParams(compares_level=compares), LINK)
+    thresholds, path = AutotrackParams(monopulse_on_db_hz=45.0), (5000e3, 0.0)
+    refused = pytest.raises(ValueError, match="needs a carrier of 45.0 dB-Hz") if compares else nullcontext()
+    with refused:
+        carrier.require_level(replace(window, smallest_range_m=5000e3), "monopulse", thresholds)
+    assert carrier.axis_db_hz(path) == pytest.approx(40.0 if compares else -math.inf)
+    faults = [
+        carrier.false_lock(report(0.1 * row, level_db_hz=12.0), np.zeros(2), path, 0.0, 0.0) for row in range(1, 5)
+    ]
+    assert any(faults) == compares
+    assert carrier.faults == sum(map(bool, faults))
 
 
 def test_the_level_of_a_pass_is_the_best_of_its_rows_where_its_profile_says_more(window: Pass) -> None:

@@ -6,7 +6,7 @@ import pty
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import pytest
 from rf_pointing.core import Mode
@@ -69,6 +69,7 @@ class Station:
         self.inhibit = self.fault = ""
         self.mode, self.tracked, self.error_deg = str(Mode.PROGRAM_TRACK), "RS-44", 1.0
         self.silent: set[str] = set()
+        self.slope_m_s2 = 0.0
         for _ in range(30):
             self.step()
 
@@ -79,7 +80,8 @@ class Station:
     def step(self) -> None:
         self.t_s = round(self.t_s + 0.02, 6)
         wall_s, radio = self.t_s - T_S, self.radio
-        radio.note_target(target(self.t_s + 2.0, self.target))
+        rate_m_s = RATE_M_S + self.slope_m_s2 * (self.t_s + 2.0 - T_S)
+        radio.note_target(target(self.t_s + 2.0, self.target, rate_m_s))
         messages: dict[str, dict[str, Any]] = {
             "joint_states": {"axes_rad": tuple(map(math.radians, self.axes))},
             "antenna_status": {"inhibit": self.inhibit, "fault": self.fault},
@@ -152,6 +154,23 @@ def test_a_tuning_outside_the_passband_and_one_without_a_satellite_are_refused(
         "no frequency: NOAA 19 is not in radio.transponders",
     )
     assert station.radio.inhibit == "no uplink is known of NOAA 19 (radio.transponders)"
+
+
+@pytest.mark.parametrize(
+    ("answer_s", "words"),
+    [(0.0, ""), (0.024, ""), (0.042, " in steps of 17 Hz at 1 GHz: the rig takes 42 ms for each")],
+)
+def test_a_rig_that_is_too_slow_for_the_doppler_is_named_and_tuned_to_the_middle_of_its_steps(
+    station: Station, answer_s: float, words: str
+) -> None:
+    """400 Hz/s at 1 GHz."""
+    receiver = station.rigs[0]
+    receiver.answer_s, station.slope_m_s2 = answer_s, 120.0
+    station.run(2.5)
+    held_s = station.t_s + 0.5 * (answer_s + max(0.02, answer_s)) - T_S
+    q = (RATE_M_S + 120.0 * held_s) / SPEED_OF_LIGHT_M_S
+    assert receiver.tuned_hz[RECEIVE] == pytest.approx(435.640e6 * (1.0 - q), abs=0.6)
+    assert station.radio.reports(None)["receiver"].message == f"follows RS-44{words}"
 
 
 def test_one_rig_for_both_sides_is_tuned_in_split() -> None:
@@ -261,6 +280,48 @@ def test_the_line_of_a_gpio_is_high_exactly_while_the_transmitter_may_send(tmp_p
     pin.write_text("1\n")
     station.radio.close()
     assert pin.read_text() == "0\n"
+
+
+class FakePort:
+    """A serial port that notes what is done with it, unless its cable is pulled."""
+
+    done: ClassVar[list[tuple[str, Any]]] = []
+    pulled: ClassVar[bool] = False
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if self.pulled:
+            raise OSError("Input/output error")
+        self.done.append((name, value))
+
+    def open(self) -> None:
+        self.done.append(("open", True))
+
+    def close(self) -> None:
+        self.done.append(("open", False))
+
+
+@pytest.mark.parametrize("name", ["rts", "dtr"])
+def test_a_line_of_a_serial_port_never_goes_up_by_itself(
+    monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    monkeypatch.setattr("serial.Serial", FakePort)
+    monkeypatch.setattr(FakePort, "done", [])
+    where, low, high = "/dev/ttyUSB1", (name, False), (name, True)
+    opened = [("port", where), ("rts", False), ("dtr", False), ("exclusive", True), ("open", True)]
+    line = TransmitLine(f"{where}:{name}")
+    for t_s, allowed in enumerate((False, True, True, False, True)):
+        line.step(allowed, 0.1 * t_s)
+    assert FakePort.done == [*opened, low, high, low, high]
+    monkeypatch.setattr(FakePort, "pulled", True)
+    line.step(False, 1.0)
+    assert line.problem == f"the transmit line {where}:{name} cannot be set: Input/output error"
+    monkeypatch.setattr(FakePort, "pulled", False)
+    FakePort.done.clear()
+    line.step(False, 2.1)
+    assert line.problem == ""
+    line.step(True, 2.2)
+    line.close()
+    assert FakePort.done == [*opened, low, high, low, ("open", False)]
 
 
 @pytest.fixture
