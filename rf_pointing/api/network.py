@@ -42,7 +42,7 @@ class TargetContact:
     """Contact with one target over a plan; shares are of its time.
 
     `seen_share` is the time in which a station sees it, `clear_share` the same with a clear sky at
-    one of them at least; `owed_s` the contact that its list asks for.
+    one of them at least; `owed_s` the contact that its list requires.
     """
 
     name: str
@@ -210,7 +210,7 @@ class NetworkPlan:
         return to_calendar(passes, " and ".join(self.plans), time.time() if now_t_s is None else now_t_s, remarks)
 
     def draw(self, path: str | Path) -> list[Path]:
-        """Draw the network into a PNG, and each station beside it; return the files."""
+        """Draw the network into a PNG, and a picture of each station; return the files."""
         # Matplotlib is loaded where a picture is wanted.
         from rf_pointing.report.day_picture import draw_network
 
@@ -313,7 +313,7 @@ def plan_network(
 
 
 def _short(one: TargetContact) -> str:
-    """Return what is said of contact that is owed."""
+    """Return the words about contact that is owed."""
     if not one.owed_s:
         return ""
     owed = f" of {one.owed_s / 60.0:.1f} min owed"

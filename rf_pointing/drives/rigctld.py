@@ -125,7 +125,7 @@ class Rig:
             return self._queue.popleft()
         wanted = self._wanted_hz
         due = [each for each in wanted if self._answered_hz.get(each) != wanted[each]]
-        # A slow rig is asked for its key and tuned in turns, and so are its two frequencies.
+        # A slow rig reads its key and is tuned in turns, and so are its two frequencies.
         polls = self.sends and t_s - self._key_s >= KEY_POLL_S and not (due and self._polled)
         self._polled = polls and "get_ptt" not in self.refused
         if self._polled:

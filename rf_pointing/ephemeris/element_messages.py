@@ -74,7 +74,7 @@ def read_json(text: str, _name: str = "") -> Found:
     except json.JSONDecodeError as error:
         wrong, parsed = f"line {error.lineno}: OMM JSON is malformed: {error.msg}", None
     ours = clean = 0
-    pattern, rest = _DAMAGED_OBJECT if wrong else _OBJECT, text
+    pattern, rest = _OBJECT, text
     # From the innermost objects outwards: a flat one is read, and stands as its name from then on.
     for _ in range(DEEPEST):
         names: list[str] = []
@@ -85,6 +85,10 @@ def read_json(text: str, _name: str = "") -> Found:
                 ours += 1
                 clean += not isinstance(one, ValueError)
                 yield one
+        if wrong and not names and pattern is _OBJECT:
+            # Whole objects first: what is left of a damaged one may reach into its neighbours.
+            pattern = _DAMAGED_OBJECT
+            continue
         if not names or rest.count("{") == len(names):
             break
         label = iter(names)

@@ -126,7 +126,7 @@ def read_cpf(text: str, _name: str = "") -> Found:
 def read_sp3(text: str, _name: str = "") -> Found:
     """Yield the segments of every satellite of an SP3 file: Earth-fixed positions in kilometres."""
     lines = text.splitlines()
-    scale = next((line[9:12].strip() for line in lines[:30] if line.startswith("%c")), "")
+    scale = next((line[9:12].strip() for line in lines[:30] if line.startswith("%c")), "missing")
     if scale not in _SP3_SCALES:
         raise ValueError(f"line with %c: time system {scale} must be one of {', '.join(filter(None, _SP3_SCALES))}")
     found: dict[str, Draft] = {}

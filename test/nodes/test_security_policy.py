@@ -73,4 +73,4 @@ def test_an_action_is_named_at_the_namespace_or_below_the_node_that_serves_it_as
     assert served == listed
     for action, node in served.items():
         # Where other names of the node stand: what works on its own store is below it, as services are.
-        assert action in ("track_pass", "run_schedule", "identify") or action.startswith(f"{node}/"), action
+        assert action in ("track_pass", "scan", "run_schedule", "identify") or action.startswith(f"{node}/"), action

@@ -60,7 +60,8 @@ def test_the_beam_rests_at_every_point(pattern: str) -> None:
     rows = way(one)
     for point in POINTS[pattern]:
         at_it = np.hypot(*(rows[:, :2] - WIDTH * np.array(point)).T) < 1e-12
-        assert at_it.sum() * STEP_S == pytest.approx(6.0, abs=0.1)
+        # The first and the last instant of both rests may belong to them.
+        assert at_it.sum() * STEP_S == pytest.approx(6.0, abs=6.0 * STEP_S)
 
 
 @pytest.mark.parametrize("pattern", CURVES)

@@ -149,7 +149,7 @@ def plan_day(
 class AntennaDay:
     """The passes over one antenna in a time, what bars them, and those that it tracks.
 
-    `wanted` are the passes in order of rise; whatever is told of one goes by its place there.
+    `wanted` are the passes in order of rise; whatever is stated of one goes by its place there.
     """
 
     def __init__(

@@ -37,7 +37,7 @@ HANDOVER_POINTS, PART_STEP_S, MOST_PART_POINTS = 25, 10.0, 2000
 FEW_PIECES = 60
 # In a plan of more options what is further in time from a barred pass is not chosen again.
 MANY_OPTIONS, APART_S = 3000, 3600.0
-# Time at the horizon counts so much, beside the sine of the elevation.
+# Time at the horizon counts so much, next to the sine of the elevation.
 COUNT_WORTH = 0.2
 
 
