@@ -151,7 +151,8 @@ class AlarmBook:
 
     def note_of_another(self, t_s: float, event: str, name: str, level: int, message: str) -> None:
         """Note once, in the history alone, what another node has reported."""
-        if (row := (t_s, event, name, level, message)) not in self.history:
+        row = t_s, event, name, level, message
+        if len(self.history) < MOST_HISTORY and row not in self.history:  # Nobody signs it: no flood.
             self.history.append(row)
 
     def acknowledge(self, name: str, t_s: float) -> list[str]:

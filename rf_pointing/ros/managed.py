@@ -233,9 +233,7 @@ class ManagedNode(Lifecycle):
     def _outputs_health(self) -> Health:
         """Look after the latched topics, and return how many had to be offered anew."""
         for topic, publisher in self._lasting.items():
-            before = publisher.renewed
-            publisher.look(time.monotonic())
-            if publisher.renewed > before:
+            if publisher.look(time.monotonic()):
                 self.log_once(topic, "not all of its readers took it: offered anew")
         return Health(values={"renewed": sum(each.renewed for each in self._lasting.values())})
 

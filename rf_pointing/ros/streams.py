@@ -63,21 +63,22 @@ class LatchedPublisher:
         self._last = message
         self._publisher.publish(message)
 
-    def look(self, now_s: float) -> None:
-        """Renew a writer that has not served all readers for too long; called once a second."""
+    def look(self, now_s: float) -> bool:
+        """Renew a writer that has not served all readers for too long; return whether it was."""
         publisher = self._publisher
         matched = publisher.get_subscription_count() >= self._readers()
         if matched and publisher.wait_for_all_acked(Duration()):
             self._served_s, self._patience_s = now_s, UNSERVED_S
         self._served_s = min(self._served_s, now_s)
         if self._last is None or now_s - self._served_s <= self._patience_s:
-            return
+            return False
         # Ever more rarely: a reader may also stand still, or request what no writer of ours offers.
         self._served_s, self._patience_s = now_s, min(2.0 * self._patience_s, LONGEST_UNSERVED_S)
         self.close()
         self._publisher = self._make()
         self.publish(self._last)
         self.renewed += 1
+        return True
 
     def close(self) -> None:
         """Destroy the writer."""

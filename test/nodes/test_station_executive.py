@@ -25,7 +25,7 @@ from rf_pointing.core import JointReading
 from rf_pointing.core.dates import utc_text
 from rf_pointing.nodes.pointing_controller import PointingControllerNode
 from rf_pointing.nodes.station_executive import StationExecutive
-from rf_pointing.operations import AlarmParams
+from rf_pointing.operations.alarms import MOST_HISTORY, AlarmParams
 from rf_pointing.operations.dictionary import read_tables
 from rf_pointing.ros import convert
 from rf_pointing.ros.command_key import INSTANCE, CommandKey, CommandKeyParams
@@ -199,6 +199,9 @@ def test_a_night_is_a_goal_with_feedback_and_a_result_and_its_report_is_written(
         values = [KeyValue(key="event", value=event), KeyValue(key="utc", value=utc)]
         status = DiagnosticStatus(name="lost_executive", message="station_executive has been silent", values=values)
         bench.give("alarms", DiagnosticArray(status=[status]))
+    for number in range(2 * MOST_HISTORY):
+        bench.node.watch.night.book.note_of_another(float(number), "raised", "flood", 2, "by nobody that is known")
+    assert len(bench.node.watch.night.book.history) == MOST_HISTORY
     assert (goal.feedback[-1].state, goal.feedback[-1].passes_left) == ("running", 2)
     assert goal.cancel()
     bench.run(0.4)

@@ -52,8 +52,7 @@ def test_what_does_not_arrive_between_two_messages_of_a_sensor_is_lost(sent: lis
 
 
 @given(
-    served=st.lists(st.tuples(st.integers(1, 60), st.booleans()), min_size=1, max_size=30),
-    readers=st.integers(0, 2),
+    served=st.lists(st.tuples(st.integers(1, 60), st.booleans()), min_size=1, max_size=30), readers=st.integers(0, 2)
 )
 def test_a_writer_is_renewed_after_its_patience_and_the_last_message_goes_on(
     served: list[tuple[int, bool]], readers: int

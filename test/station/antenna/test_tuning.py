@@ -71,7 +71,7 @@ def test_a_random_antenna_gets_its_margins_and_nearly_the_best_loop(seed: int) -
 
 
 def late_axis(delays: int, lag_s: float, mode_hz: float = 0.0) -> StateSpace:
-    """Return an integrator behind a lag and samples of delay, with a mode of a tenth beside it."""
+    """Return an integrator behind a lag and samples of delay and a mode of a tenth of it."""
     angle, omega = control.tf([1.0], [1.0, 0.0]), 2.0 * math.pi * mode_hz
     if mode_hz:
         angle = angle + control.tf([-0.1, 0.0], [1.0, 0.02 * omega, omega**2])

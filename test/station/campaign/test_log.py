@@ -103,8 +103,7 @@ def test_an_observation_every_second_takes_less_than_a_megabyte_an_hour(track: T
             )
 
     def taken() -> int:
-        # Free lists of the interpreter are emptied by a full collection.  Threads that another test
-        # has left in this process take memory too.
+        # Free lists are emptied by a full collection; threads that other tests left take memory, too.
         gc.collect()
         ours = [tracemalloc.Filter(True, f"*/{room}/*") for room in ("station/campaign", "calibration", "core")]
         return sum(each.size for each in tracemalloc.take_snapshot().filter_traces(ours).traces)
