@@ -12,10 +12,13 @@ import argparse
 import sys
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from rf_pointing.api import live
-from rf_pointing.api.requests import DEFAULT_MODELS, TrackRequest
+from rf_pointing.api.requests import DEFAULT_MODELS, DesignateRequest, TrackRequest
+from rf_pointing.api.target import Target
 from rf_pointing.commands.options import add_options, ending_with_reason, named, requested
+from rf_pointing.designate import CLASSES
 from rf_pointing.tracking.sensors import SENSOR_CHOICES, load_trackers
 
 RUN = "speed seed reset-fault receiver processes ephemeris-error models namespace params-file output"
@@ -33,6 +36,10 @@ def arguments() -> argparse.ArgumentParser:
         min_peak={"default": 40.0, "help": "least peak elevation in deg (default: 40)"},
     )  # fmt: skip
     add = parser.add_argument
+    add("--designate", metavar="ADDRESS", default="", help="in place of a satellite, what a receiver reports: "
+        "adsb:HOST:PORT/ICAO24, sonde:ADDRESS:PORT/CALLSIGN, mavlink:ADDRESS:PORT/SYSTEM, several with commas for one "
+        "target; or a flight of a table:FILE")  # fmt: skip
+    add("--kind", choices=tuple(CLASSES), default="aircraft", help="of --designate (default: aircraft)")
     add("--sensor", type=named(SENSOR_CHOICES), choices=tuple(SENSOR_CHOICES),
         help="(default: that of the station's band)")  # fmt: skip
     add("--scan-sigma", dest="scan_sigma_mdeg", metavar="MDEG", type=float, help="accuracy of the scan per axis at "
@@ -53,12 +60,28 @@ def arguments() -> argparse.ArgumentParser:
     return parser
 
 
-request_of = partial(requested, arguments, TrackRequest)
+def made(**given: Any) -> TrackRequest | DesignateRequest:
+    """Return the request of the options; ValueError for those of a satellite with --designate."""
+    led = {name: given.pop(name) for name in ("designate", "kind")}
+    if not led["designate"]:
+        return TrackRequest(**given)
+    usual = vars(arguments().parse_args([]))
+    for name in ("start_s", "mask_deg", "min_peak_deg", "scan_sigma_mdeg"):
+        if given.pop(name) != usual[name]:
+            raise ValueError(f"{name.rpartition('_')[0]} is for a satellite, not for designate={led['designate']!r}")
+    if given.pop("target") != Target():
+        raise ValueError("elements and satellite are for a satellite, designate names another target")
+    return DesignateRequest(**given, **led)
+
+
+request_of = partial(requested, arguments, made)
 """Returns the request of a command line; ValueError with the reason where it cannot be."""
 
 
 def main(argv: list[str] | None = None) -> None:
     """Entry point of `ros2 run rf_pointing track`."""
     with ending_with_reason("track"):
-        ready = live.prepare_track(request_of(argv))
+        request = request_of(argv)
+        led = isinstance(request, DesignateRequest)
+        ready = live.prepare_designate(request) if led else live.prepare_track(request)
     sys.exit(ready.fly().code)

@@ -68,6 +68,7 @@ class EphemerisPublisher(StationNode):
         self._targets = self.stream(Target, "target", STREAM)
         self._passes = self.stream(PassList, "passes", LATCHED)
         self._profiles = self.stream(PassProfileList, "pass_profiles", LATCHED)
+        self.listen(PassList, "passes", lambda m: self.prediction.yield_to(m.target), LATCHED)
         source = self.prediction.source
         for topic, (kind, name, read) in WEATHER.items() if source.refraction == "measured" else ():
             take = lambda m, name=name, read=read: self.prediction.take_weather(name, read(m), self.now_s())  # noqa: E731

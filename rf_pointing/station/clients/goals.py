@@ -14,6 +14,7 @@ from rf_pointing.calibration import BiasModel
 from rf_pointing.core import JointReading, JointTrajectory
 from rf_pointing.core.dates import utc_text
 from rf_pointing.core.pass_outcome import SCANNED
+from rf_pointing.core.signals import DESIGNATED
 from rf_pointing.ephemeris import Pass
 from rf_pointing.planning import Certificate
 from rf_pointing.station.pointing.certificates import StoreParams, store_certificate
@@ -46,6 +47,11 @@ class PassGoal:
     minimum_peak_elevation_rad: float = 0.0
     sensor: str = ""
     scan: ScanProgramParams | None = None
+
+    @property
+    def designated(self) -> bool:
+        """Whether reports lead to the target, and no orbit."""
+        return self.satellite.split(" ")[0] == DESIGNATED
 
     def search_from_s(self, now_s: float) -> float:
         """Return the time from which passes of the satellite are looked for, 0 for now."""
@@ -178,7 +184,8 @@ class PassGoals:
         # A node that is started with this one, or again, may be there a moment later.
         elif (waited_s := wall_s - self._begun_wall_s) > PATIENCE_WALL_S:
             why = "does not answer" if search.made else "is not active"
-            self.refuse(f"no pass of {goal.satellite!r} is known: ephemeris_publisher {why}, waited {waited_s:.0f} s")
+            who = "target_designate" if goal.designated else "ephemeris_publisher"
+            self.refuse(f"no pass of {goal.satellite!r} is known: {who} {why}, waited {waited_s:.0f} s")
 
     def _require_fit(self) -> None:
         """ValueError where no pass can be tracked now."""
@@ -309,6 +316,7 @@ class PassGoals:
         self._read_joints(t_s - core.params.pointing.period_s)
         busy = core.busy
         trajectory, status = core.step(t_s)
+        self.window = core.window or self.window if busy else self.window
         self._show_certificate()
         self._port.publish(t_s, trajectory, status)
         was, self._alarm = self._alarm, (status.level, status.alarm)

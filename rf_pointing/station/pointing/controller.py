@@ -86,6 +86,11 @@ class PointingController:
         return self._pass is not None
 
     @property
+    def window(self) -> Pass | None:
+        """The pass in hand, as far as it is certified by now."""
+        return self._pass
+
+    @property
     def stopping(self) -> bool:
         """Whether the next period ends the pass in hand."""
         return self._pass is not None and bool(self._stopping)
@@ -254,12 +259,14 @@ class PointingController:
 
     def step(self, t_s: float) -> tuple[JointTrajectory | None, TrackingStatus]:
         """Return the trajectory of `t_s`, None when nothing is commanded, and the status."""
-        window, doubted = self._pass, self.antenna.state.doubt
+        doubted = self.antenna.state.doubt
         axes = self.antenna.step(t_s, self._motion.axes)
-        if window is None:
+        if self._pass is None:
             return None, self._status(t_s, self._mode.fresh_error(t_s))
+        window = self._pass = self._extended(t_s, self._pass)
         if not self._stopping and t_s >= window.los_t_s:
-            self._stopping = LOSS_OF_SIGNAL
+            beyond = self.plan.beyond
+            self._stopping = f"no certificate beyond this time: {beyond}" if beyond else LOSS_OF_SIGNAL
         elif not self._stopping and axes.fault:
             self._stopping = self.statistics.fault = axes.fault
         elif not self._stopping and self._scans.program and t_s >= self.corrections.scan_end_s:
@@ -280,6 +287,14 @@ class PointingController:
         if self._stopping:
             return self._finish(t_s)
         return trajectory, self._status(t_s, error)
+
+    def _extended(self, t_s: float, window: Pass) -> Pass:
+        """Return the pass in hand, longer where its target is predicted further and certified."""
+        axes = self._motion.axes
+        if axes is None or self._turns_rad is None or self._stopping or self._scans.program:
+            return window
+        averaging_s, cost = self.params.pointing.lag_averaging_s, partial(self._cost, self._sensor, window)
+        return self.plan.extended(t_s, window, axes, self._motion.model, averaging_s, cost)
 
     def _motion_word(self) -> str:
         """Return what the safety gate calls the motion of the mode."""
