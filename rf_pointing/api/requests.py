@@ -253,11 +253,11 @@ class TrackRequest(RunRequest):
 
 @dataclass(frozen=True, kw_only=True)
 class DesignateRequest(RunRequest):
-    """A target that is no orbit: `designate` says who reports it, `kind` what it is.
+    """A target without an orbit: `designate` says who reports it, `kind` what it is.
 
     adsb:HOST:PORT/ICAO24, sonde:ADDRESS:PORT/CALLSIGN, mavlink:ADDRESS:PORT/SYSTEM, several of one
     target separated by commas; or table:FILE.  A simulated antenna is led in real time, or flies a
-    table at any speed; its receiver does not hear the target, so `sensor` is program there.
+    table at any speed; its receiver does not receive the target, so `sensor` is program there.
     """
 
     designate: str = ""

@@ -1,4 +1,4 @@
-"""Targets that are no orbit: reports of where something is, from receivers, radars and tables."""
+"""Targets without an orbit: reports of where something is, from receivers, radars and tables."""
 
 from typing import TYPE_CHECKING
 

@@ -1,4 +1,4 @@
-"""What receivers of aircraft, drones and balloons send, as reports: one decoder for each protocol.
+"""Reports from receivers of aircraft, drones and balloons: one decoder for each protocol.
 
     adsb      SBS/BaseStation text of dump1090 and others, TCP port 30003
     sonde     JSON "payload summaries" of radiosonde_auto_rx and horus_utils, UDP port 55672

@@ -126,7 +126,7 @@ class MotionFilter:
             given = report.velocity_m_s, self._velocity_m2_s2 * np.eye(3)
             rate2 = covariance[3:6, 3:6] + given[1]
             faster = given[0] - mean[3:6]
-            # A wrong velocity beside a good place is left out.
+            # A wrong velocity next to a good place is left out.
             if float(faster @ np.linalg.solve(rate2, faster)) <= GATE:
                 mean, covariance = _update(mean, covariance, slice(3, 6), *given)
         self.state = ReportedMotion(report.t_s, mean, covariance, noise_m2, self.kind)

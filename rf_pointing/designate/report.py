@@ -54,7 +54,7 @@ class Report:
     ) -> "Report":  # fmt: skip
         """Return a report of a `place` (latitude_deg, longitude_deg, height_m).
 
-        The velocity [m/s] is to the east, north and up.  ValueError for what is no place.
+        The velocity [m/s] is to the east, north and up.  ValueError outside their bounds.
         """
         if len(place) != 3:
             raise ValueError(f"place has {len(place)} numbers, must be latitude, longitude, height")

@@ -24,7 +24,7 @@ from rf_pointing.ephemeris.state_vector import StateVector
 
 PLACES = ("time", "latitude_deg", "longitude_deg", "height_m")
 DIRECTIONS = ("time", "azimuth_deg", "elevation_deg")
-# Of a direction without a range: what is far off does not show it.
+# Range of directions without one; only the light time shows it.
 FAR_M = 1e5
 FEWEST_ROWS, LONGEST_STEP_S = 4, 3600.0
 

@@ -1,4 +1,4 @@
-"""Executable `target_designate`: the antenna led by reports of a target that is no orbit.
+"""Executable `target_designate`: the antenna led by reports of a target without an orbit.
 
 Subscribes: designate/fix (sensor_msgs/NavSatFix) with designate/velocity (geometry_msgs/
 TwistStamped: east, north, up), designate/direction (rf_pointing_msgs/Target: true azimuth,
@@ -13,7 +13,7 @@ import numpy as np
 from geometry_msgs.msg import TwistStamped
 from rf_pointing_msgs.msg import PassList, PassProfileList, Target
 from rf_pointing_msgs.srv import SelectTarget
-from sensor_msgs.msg import NavSatFix
+from sensor_msgs.msg import NavSatFix, NavSatStatus
 
 from rf_pointing.designate import Report
 from rf_pointing.ephemeris import Pass
@@ -84,7 +84,7 @@ class TargetDesignate(StationNode):
             self._target.release()
 
     def _on_fix(self, message: NavSatFix) -> None:
-        if message.status.status < 0:
+        if message.status.status == NavSatStatus.STATUS_NO_FIX:
             raise ValueError("a NavSatFix without a fix")
         t_s, noise = seconds_from_stamp(message.header.stamp), self.parameters.value("designate").noise
         if message.position_covariance_type != NavSatFix.COVARIANCE_TYPE_UNKNOWN:

@@ -45,7 +45,7 @@ class Level:
 
 
 class Arrival(Protocol):
-    """What a source reads: samples, levels, or what a decoder makes of a line."""
+    """One thing that a source reads: samples, a level, or what a decoder makes of a line."""
 
     @property
     def taken_s(self) -> float:

@@ -147,7 +147,9 @@ def test_the_path_is_smooth_over_every_correction(jump: tuple[float, float, floa
     """Position, rate and acceleration have no step; after the blend the path is the prediction."""
     begun = state(CLASSES["aircraft"])
     path = DesignatedPath("x", begun)
-    moved = dataclasses.replace(begun.ahead(T_S + 0.5), mean=begun.ahead(T_S + 0.5).mean + np.kron([1.0, 0.1, 0.01], jump))
+    moved = dataclasses.replace(
+        begun.ahead(T_S + 0.5), mean=begun.ahead(T_S + 0.5).mean + np.kron([1.0, 0.1, 0.01], jump)
+    )
     at_s = T_S + 1.0 + after_s
     path.renew(at_s, moved)
     for t_s in (at_s, at_s + BLEND_S):

@@ -130,7 +130,7 @@ def ephemeris_publisher(of: Band) -> Derived:
 
 
 def target_designate(of: Band) -> Derived:
-    """Targets that are no orbit, as others report them."""
+    """Targets without an orbit, as others report them."""
     from rf_pointing.ephemeris.sites import Site
     from rf_pointing.station.pointing.designated import DesignateParams
 

@@ -487,5 +487,6 @@ class PointingController:
             return Level.WARN, f"{state.mode}: {state.reason}"
         silent_s = self._motion.targets_late_s(t_s)
         if silent_s > 0.0:
-            return Level.WARN, f"no target for {silent_s:.1f} s: the pass goes on with what was predicted before"
+            since = f"for {silent_s:.1f} s" if math.isfinite(silent_s) else "yet"
+            return Level.WARN, f"no target {since}: the pass goes on with what was predicted before"
         return Level.OK, ""

@@ -1,4 +1,4 @@
-"""A target that reports lead to: what is heard, what is selected of it, and its next minutes.
+"""A target that reports lead to: what is reported, which one is selected, and its next minutes.
 
 Nothing is published before two reports agree, and nothing for a target that was not selected.  A
 selected one has a pass of `ahead_s` of its class, cut where it leaves the horizon; while reports
@@ -88,7 +88,7 @@ class ReportSource(LineSource):
 
 
 class DesignatedTarget:
-    """What is heard, and the one target that is selected.
+    """Every target that is reported, and the one that is selected.
 
     `show(passes, profiles)` gets each pass of the selected target.
     """

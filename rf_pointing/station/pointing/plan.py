@@ -203,7 +203,7 @@ class PassPlan:
     def _impossible(self, branch: Branch, t_s: float, profile: PassProfile) -> str:
         """Return why axes of this rate cannot follow enough of what is predicted, "" if they can.
 
-        Of an orbit whatever is left of a pass is worth having; a rocket beside its pad would drag
+        Of an orbit whatever is left of a pass is worth having; a rocket near its pad would drag
         the antenna behind it.
         """
         fine = profile.resampled()
