@@ -136,7 +136,7 @@ def serve(sky: Sky, days: float, resolution_rad: float) -> tuple[Outcome, Servic
     first = sky.at(sky.satellite, sky.start_s)
     motion = SiderealMotion(sky.width_rad, constant_rad=math.radians(3.0), daily_rad=math.radians(7.0))
     # Where the satellite is at the start is known, how it moves is not.
-    motion.pin(sky.start_s, 0.1 * sky.width_rad)
+    motion.place(sky.start_s, np.zeros(2), 0.1 * sky.width_rad)
     service = Service("GEO", ServiceParams(), motion, lambda _t_s: first, lambda t_s: sky.at(sky.solar, t_s))
     mount, outcome, t_s = Mount(np.array(first), resolution_rad), Outcome(), sky.start_s
     lost_s = sky.start_s + LOSS_DAY * 86400.0

@@ -9,6 +9,7 @@ not be started.
 """
 
 import argparse
+import math
 import sys
 from functools import partial
 from pathlib import Path
@@ -17,7 +18,7 @@ from typing import Any
 from rf_pointing.api import live
 from rf_pointing.api.requests import DEFAULT_MODELS, DesignateRequest, TrackRequest
 from rf_pointing.api.target import Target
-from rf_pointing.commands.options import add_options, ending_with_reason, named, requested
+from rf_pointing.commands.options import add_options, between, ending_with_reason, named, requested
 from rf_pointing.designate import CLASSES
 from rf_pointing.tracking.sensors import SENSOR_CHOICES, load_trackers
 
@@ -39,6 +40,8 @@ def arguments() -> argparse.ArgumentParser:
     add("--designate", metavar="ADDRESS", default="", help="in place of a satellite, what a receiver reports: "
         "adsb:HOST:PORT/ICAO24, sonde:ADDRESS:PORT/CALLSIGN, mavlink:ADDRESS:PORT/SYSTEM, several with commas for one "
         "target; or a flight of a table:FILE")  # fmt: skip
+    add("--service", dest="service_hours", nargs="?", const=math.inf, type=between(0.01, math.inf), metavar="HOURS",
+        help="hold a target that never sets with few starts and the brakes set, until Ctrl-C or for so long")  # fmt: skip
     add("--kind", choices=tuple(CLASSES), default="aircraft", help="of --designate (default: aircraft)")
     add("--sensor", type=named(SENSOR_CHOICES), choices=tuple(SENSOR_CHOICES),
         help="(default: that of the station's band)")  # fmt: skip
@@ -66,7 +69,7 @@ def made(**given: Any) -> TrackRequest | DesignateRequest:
     if not led["designate"]:
         return TrackRequest(**given)
     usual = vars(arguments().parse_args([]))
-    for name in ("start_s", "mask_deg", "min_peak_deg", "scan_sigma_mdeg"):
+    for name in ("start_s", "mask_deg", "min_peak_deg", "scan_sigma_mdeg", "service_hours"):
         if given.pop(name) != usual[name]:
             raise ValueError(f"{name.rpartition('_')[0]} is for a satellite, not for designate={led['designate']!r}")
     if given.pop("target") != Target():
@@ -83,5 +86,7 @@ def main(argv: list[str] | None = None) -> None:
     with ending_with_reason("track"):
         request = request_of(argv)
         led = isinstance(request, DesignateRequest)
-        ready = live.prepare_designate(request) if led else live.prepare_track(request)
+        served = not led and request.service_hours is not None
+        prepare = live.prepare_service if served else live.prepare_track
+        ready = live.prepare_designate(request) if led else prepare(request)
     sys.exit(ready.fly().code)

@@ -16,6 +16,7 @@ random walk forgets within weeks, as orbits change.
 
 import math
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -30,8 +31,8 @@ FALLING = 0.12
 # How far mean and swing wander in a day: longitudes drift, inclinations grow by 0.85 deg a year.
 MEAN_WANDER_RAD, SWING_WANDER_RAD = math.radians(0.01), math.radians(0.004)
 DAY_S = 86400.0
-# A difference of levels farther off than this is refused; so many in a row are a manoeuvre.
-GATE_SIGMAS, MANOEUVRE = 5.0, 3
+# A difference of levels farther off than this is refused; three of five are a manoeuvre.
+GATE_SIGMAS, MANOEUVRE = 5.0, 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,38 +102,36 @@ class SiderealMotion:
         innovation = (before.level_db - after.level_db) - expected
         variance = float(row @ self.covariance @ row) + sigma_db**2
         if innovation**2 > GATE_SIGMAS**2 * variance:
-            self._outliers += 1
+            # What the other axis says between them fits, and takes back half of it.
+            self._outliers += 2
             if self._outliers >= MANOEUVRE:
                 # The orbit has changed: what was learned of the mean and the swing is doubtful.
                 self._outliers, self.manoeuvres = 0, self.manoeuvres + 1
                 self.covariance = self.covariance + np.diag((0.3 * self._prior_rad) ** 2)
             return False
-        self._outliers = 0
+        self._outliers = max(0, self._outliers - 1)
         gain = self.covariance @ row / variance
         self.mean = self.mean + gain * innovation
         left = np.eye(2 * TERMS) - np.outer(gain, row)
         self.covariance = left @ self.covariance @ left.T + np.outer(gain, gain) * sigma_db**2
         return True
 
-    def pin(self, t_s: float, sigma_rad: float) -> None:
-        """Take the target to be in its base direction at a time, to `sigma_rad`."""
+    def place(self, t_s: float, offset_rad: Array, sigma_rad: float) -> None:
+        """Take the target to be at an offset (2,) at a time, to `sigma_rad`."""
         assert self.covariance is not None
         rows = _rows(t_s)
         shared = rows @ self.covariance
         gain = np.linalg.solve(shared @ rows.T + sigma_rad**2 * np.eye(2), shared).T
-        self.mean = self.mean - gain @ self.at(t_s)
+        self.mean = self.mean + gain @ (offset_rad - self.at(t_s))
         self.covariance = self.covariance - gain @ shared
         self.t_s = t_s
 
-    def values(self) -> dict[str, object]:
+    def values(self) -> dict[str, Any]:
         """Return what is kept over a restart, as plain numbers."""
         assert self.covariance is not None
-        return {
-            "t_s": self.t_s, "beamwidth_rad": self.half_power_beamwidth_rad, "mean": self.mean.tolist(),
-            "covariance": self.covariance.tolist(),
-        }  # fmt: skip
+        return {"t_s": self.t_s, "mean": self.mean.tolist(), "covariance": self.covariance.tolist()}
 
-    def restore(self, kept: dict[str, object]) -> None:
+    def restore(self, kept: dict[str, Any]) -> None:
         """Take what was kept; ValueError for numbers that cannot be a covariance."""
         mean, covariance = (np.array(kept.get(name), dtype=np.float64) for name in ("mean", "covariance"))
         if mean.shape != (2 * TERMS,) or covariance.shape != (2 * TERMS, 2 * TERMS):
@@ -141,13 +140,13 @@ class SiderealMotion:
             raise ValueError("mean and covariance must be finite")
         if np.linalg.eigvalsh(0.5 * (covariance + covariance.T))[0] < -1e-12 * self.constant_rad**2:
             raise ValueError("covariance must have no negative variance")
-        self.mean, self.covariance, self.t_s = mean, covariance, float(str(kept.get("t_s", 0.0)))
+        self.mean, self.covariance, self.t_s = mean, covariance, float(kept.get("t_s", 0.0))
 
 
 def _terms(mean_rad: float, swing_rad: float) -> Array:
     """Return sizes (2 TERMS,) of the coefficients for those of the mean and of the daily swing."""
     swings = [swing_rad * FALLING**k for k in range(HARMONICS) for _ in range(2)]
-    return np.array([mean_rad, *swings] * 2)
+    return np.array([mean_rad, *swings] * 2, dtype=np.float64)
 
 
 def _waves(times: Array | float) -> Array:
@@ -160,4 +159,4 @@ def _waves(times: Array | float) -> Array:
 
 def _rows(t_s: float) -> Array:
     """Return the partials (2, 2 TERMS) of both offsets by the coefficients."""
-    return np.kron(np.eye(2), _waves(t_s)[None, :])
+    return np.asarray(np.kron(np.eye(2), _waves(t_s)[None, :]), dtype=np.float64)

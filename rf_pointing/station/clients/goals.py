@@ -22,6 +22,7 @@ from rf_pointing.station.pointing.controller import PointingController
 from rf_pointing.station.pointing.params import ControllerParams
 from rf_pointing.station.pointing.status import Level, Report, TrackingStatus
 from rf_pointing.tracking.scan_program import ScanProgramParams
+from rf_pointing.tracking.sensors import SENSOR_CHOICES, sensors_of
 
 FEEDBACK_S = 5.0
 """Node time between two feedbacks of one mode and level; `tracking_status` has every period."""
@@ -30,6 +31,8 @@ LONGEST_WAIT_S = 0.05
 """Wall time that a period waits for what it should use; commands start after 0.1 s."""
 PATIENCE_WALL_S = 30.0
 """Wall time that a goal waits for its pass or certificate, also while simulated time is held."""
+LONGEST_SCANNED_S = 20.0 * 3600.0
+"""Longest pass that is scanned: the Moon sets, a geostationary satellite does not."""
 NEAR_S = 3600.0
 """How far from the requested time a pass may lie: less than an orbit."""
 
@@ -201,7 +204,13 @@ class PassGoals:
         self.window = window
         try:
             self._read_joints(t_s)
-            self.controller.start(t_s, window, self._sensor_of(self._goal.sensor), self._goal.scan)
+            sensor = self._sensor_of(self._goal.sensor)
+            if window.duration_s > LONGEST_SCANNED_S and any(each.scans for each in sensors_of(SENSOR_CHOICES[sensor])):
+                raise ValueError(
+                    f"this pass of {window.name} lasts {window.duration_s / 3600.0:.1f} h, and {sensor} would turn the "
+                    "antenna all the time: `station service` holds what never sets"
+                )
+            self.controller.start(t_s, window, sensor, self._goal.scan)
         finally:
             self._show_certificate()
 

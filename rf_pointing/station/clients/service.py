@@ -12,13 +12,16 @@ the cosine of its elevation, and elevation.
 
 import math
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from rf_pointing.core import Params, angular_distance_rad, parameter
+from rf_pointing.core.dates import DAY_S as DAY_LENGTH_S
 from rf_pointing.core.types import Array, Pair
+from rf_pointing.core.whole_file import KeptState
 from rf_pointing.tracking.sidereal import Sample, SiderealMotion
 
 # Times at which a resting place is tried: close together at first, for fast targets.
@@ -69,6 +72,11 @@ class Service:
         self._usual_db: float | None = None
         self._hold, self._shared_s = np.zeros(2), -math.inf
         self.learned = False
+
+    @property
+    def values(self) -> dict[str, Any]:
+        """What is kept of the target over a restart."""
+        return {"base_rad": list(self._base(self.motion.t_s)), **self.motion.values()}
 
     @property
     def busy(self) -> bool:
@@ -208,3 +216,26 @@ class Service:
     def _direction(self, t_s: float, offset: Array) -> Pair:
         azimuth, elevation = self._base(t_s)
         return azimuth + float(offset[0]) / math.cos(elevation), elevation + float(offset[1])
+
+
+class ServiceDesk:
+    """Services by the hours of the day (UTC) from which they count; one at a time.
+
+    What they have learned is kept in a state file.
+    """
+
+    def __init__(self, services: Sequence[Service], hours: Sequence[float], state: KeptState) -> None:
+        self._rows = sorted(zip(hours, services, strict=True), key=lambda row: row[0])
+        if len({hour for hour, _ in self._rows}) < len(self._rows):
+            raise ValueError(f"hours={list(hours)} must differ: one satellite is served at a time")
+        self._state = state
+
+    def active(self, t_s: float) -> Service:
+        """Return the service of a time, the last of the day before the first hour."""
+        hour = t_s % DAY_LENGTH_S / 3600.0
+        return ([each for begin, each in self._rows if begin <= hour] or [self._rows[-1][1]])[-1]
+
+    def keep(self) -> str:
+        """Write what was learned; return why that is not possible, "" if it was."""
+        self._state.keep({**self._state.recover(), **{each.name: each.values for _, each in self._rows}})
+        return self._state.problem
