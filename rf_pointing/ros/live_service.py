@@ -1,8 +1,8 @@
 """A service on a live station: moves by antenna_servo/go_to, brakes between them, levels meanwhile.
 
 Every move is resume, go_to, and disable, which sets the brakes.  The client has no rights that
-another lacks: gate, wind and Sun are the control unit's, and what it refuses is said and tried
-again.  It reports on /diagnostics as `service`, so the operator's page and the alarms show it.
+another lacks: gate, wind and Sun are the control unit's, and what it refuses is reported and
+tried again.  It reports on /diagnostics as `service`, so the operator's page and the alarms show it.
 """
 
 import math

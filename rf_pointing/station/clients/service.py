@@ -3,7 +3,7 @@
 The antenna rests while its target drifts through the beam, and moves on when it is `hold_beams` off
 the axis, to where it may rest longest.  Every move is a measurement: the level before it and after
 it tells where the target is (`tracking/sidereal.py`).  Where that is not enough, a peak is taken:
-three short moves, one axis after the other, as often as the covariance asks for.  What is learned
+three short moves, one axis after the other, as often as the covariance requires.  What is learned
 carries the service through loss of the beacon and the Sun's noise.
 
 Directions are apparent azimuth and elevation; offsets from the base direction are azimuth times
@@ -31,7 +31,7 @@ FEWEST_WIDTHS_A_DAY, SHARED_S = 0.05, 1800.0
 CHOICES = np.linspace(-1.0, 1.0, 9)
 # The Sun's radius; its noise comes in through this share of the beam beyond it.
 SUN_RADIUS_RAD, SUN_BEAMS = math.radians(0.27), 0.8
-# Fewer samples than this are no mean.
+# A mean needs this many samples.
 FEWEST = 3
 REFERENCE_SHARE = 0.02
 
@@ -75,7 +75,7 @@ class Service:
 
     @property
     def values(self) -> dict[str, Any]:
-        """What is kept of the target over a restart."""
+        """Base direction and motion, as they are kept over a restart."""
         return {"base_rad": list(self._base(self.motion.t_s)), **self.motion.values()}
 
     @property
