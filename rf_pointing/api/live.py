@@ -24,7 +24,7 @@ from rf_pointing.api.requests import (
     TrackRequest,
 )
 from rf_pointing.api.scan import ScanRequest
-from rf_pointing.api.service import make_desk, stays
+from rf_pointing.api.service import make_desk
 from rf_pointing.api.station import Station
 from rf_pointing.api.target import Target
 from rf_pointing.api.tuning import tune
@@ -58,7 +58,6 @@ from rf_pointing.ros.station_run import RunSetup, StationRun, parameter_file, ru
 from rf_pointing.station.antenna.memory import state_files, state_folder
 from rf_pointing.station.campaign.calibrator import journal_of
 from rf_pointing.station.campaign.schedule import CalibrationSchedule, fit_of_kept
-from rf_pointing.station.clients.service import ServiceDesk
 from rf_pointing.station.log_lines import say
 
 OF_STATION = (
@@ -118,8 +117,6 @@ class Flight:
 def prepare_track(request: TrackRequest) -> Flight:
     """Choose the pass and write the files of its run; ValueError for what cannot be flown."""
     check_files(request)
-    if stays(request.station.track_of(request.target), request.service_begin_s):
-        raise ValueError(f"{request.target.name} does not set: `track --service` holds it, without a scan")
     window, scan = request.window, request.scan
     if warning := request.stale_warning:
         say("track", warning)
@@ -193,44 +190,6 @@ def serve(client: StationClient, targets: Sequence[str], hours: Sequence[float],
     desk = make_desk(mine, names, hours, now_s, state_folder() / f"services-{id_of(mine.name)}.json")
     LiveService(client, desk, mine.controller.limits, mine.lowest_rad, client.key()).serve()
     return True
-
-
-@dataclass(frozen=True, kw_only=True)
-class ServiceRun:
-    """A service with a station of its own: its files are written, nothing is started yet."""
-
-    request: TrackRequest
-    desk: ServiceDesk
-    setup: RunSetup
-
-    def fly(self) -> "ServiceRun":
-        """Serve until the user stops it, or for the hours of the request."""
-        station, own = self.request.station, _parameters(self.request, self.setup.logs.parent)
-        key = own["antenna_servo"]["command_key_file"]
-
-        def work(run: StationRun) -> int:
-            run.bring_up()
-            run.run_time()
-            live = LiveService(run, self.desk, station.controller.limits, station.lowest_rad, key)
-            live.serve(3600.0 * (self.request.service_hours or 0.0))
-            return 0
-
-        run_to_end("track", lambda: StationRun(self.setup), work)
-        return self
-
-    code = 0
-
-
-def prepare_service(request: TrackRequest) -> ServiceRun:
-    """Write the files of a service; ValueError for a target without a direction."""
-    check_files(request)
-    station, target, begin_s = request.station, request.target, request.service_begin_s
-    output = output_folder(request, f"service-{id_of(target.satellite)}-{datetime.now(UTC):%Y%m%dT%H%M%S}")
-    state = output if station.simulated else state_folder()
-    desk = make_desk(station, [target], [0.0], begin_s, state / f"services-{id_of(station.name)}.json")
-    setup = run_setup("track", request, output, begin_s, target.name)
-    say("track", f"service of {target.name} with {station.name}, {station.band} band; it ends with Ctrl-C")
-    return ServiceRun(request=request, desk=desk, setup=setup)
 
 
 @dataclass(frozen=True)

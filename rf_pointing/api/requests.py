@@ -196,15 +196,13 @@ class TrackRequest(RunRequest):
 
     `start_s` is by default the epoch of the elements, for a real antenna the present; `mask_deg` is
     the elevation of its begin and end (None: the station's), `scan_sigma_mdeg` the accuracy of
-    the scan for which its radius and period are chosen (None: the station's scan).  With
-    `service_hours` the target is served for so long, from `start_s` on, and no pass is tracked.
+    the scan for which its radius and period are chosen (None: the station's scan).
     """
 
     chosen: Pass | None = None
     min_peak_deg: float = 40.0
     mask_deg: float | None = None
     scan_sigma_mdeg: float | None = None
-    service_hours: float | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -225,13 +223,6 @@ class TrackRequest(RunRequest):
         lowest_rad = station.lowest_rad if self.mask_deg is None else math.radians(self.mask_deg)
         above, peak_rad = station.controller.mask.above(lowest_rad), math.radians(self.min_peak_deg)
         return first_pass_above(station.track_of(self.target), start_s, peak_rad, above, SEARCH_S)
-
-    @property
-    def service_begin_s(self) -> float:
-        """Time at which a service begins."""
-        if self.start_s is not None:
-            return math.floor(self.start_s)
-        return math.floor(self.target.first_t_s if self.station.simulated else time.time())
 
     @property
     def stale_warning(self) -> str:

@@ -25,6 +25,7 @@ class DesignatedPath:
 
     rotation_rate_rad_s, at_infinity, orientation = 0.0, False, None
     spans_t_s = ((-np.inf, np.inf),)
+    node_step_s = 5.0
 
     def __init__(self, name: str, state: ReportedMotion) -> None:
         self.name, self.state = name, state

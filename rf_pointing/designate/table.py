@@ -33,6 +33,7 @@ class TableTarget:
     """A `TargetSource` in Earth-fixed axes that do not turn, known between first and last row."""
 
     rotation_rate_rad_s, at_infinity, orientation = 0.0, False, None
+    node_step_s = 1.0
 
     def __init__(self, name: str, reports: list[Report]) -> None:
         self.name = name

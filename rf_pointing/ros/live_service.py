@@ -1,8 +1,8 @@
 """A service on a live station: moves by antenna_servo/go_to, brakes between them, levels meanwhile.
 
-Every move is resume, go_to, and disable, which sets the brakes.  The client has no rights that
+Every move releases the brakes, goes to a place and sets them.  The client has no rights that
 another lacks: gate, wind and Sun are the control unit's, and what it refuses is reported and
-tried again.  It reports on /diagnostics as `service`, so the operator's page and the alarms show it.
+tried again.  The state is on /diagnostics as `service`: the operator's page and alarms show it.
 """
 
 import math
@@ -26,6 +26,7 @@ from rf_pointing.ros.qos import STATUS, WATCHED
 from rf_pointing.ros.repeated_call import RepeatedCall
 from rf_pointing.ros.stamps import seconds_from_stamp
 from rf_pointing.ros.station_run import GraphRun
+from rf_pointing.station.antenna.modes import BRAKE, RELEASE
 from rf_pointing.station.clients.service import ServiceDesk
 
 STEP_S, KEEP_S, REPORT_S = 1.0, 600.0, 1.0
@@ -112,7 +113,7 @@ class LiveService:
         turns = math.ceil((low - azimuth) / math.tau) if azimuth < low else -math.ceil((azimuth - high) / math.tau)
         azimuth += math.tau * turns if not low <= azimuth <= high else 0.0
         request = GoTo.Request(azimuth=azimuth, elevation=goal[1])
-        self._steps = [("resume", Trigger.Request()), ("go_to", request), ("disable", Trigger.Request())]
+        self._steps = [(RELEASE, Trigger.Request()), ("go_to", request), (BRAKE, Trigger.Request())]
         self._begun_s = self._there_s = t_s
         self._goal_rad = np.array([azimuth, goal[1]])
 
@@ -126,7 +127,7 @@ class LiveService:
             answer, self._call = self._call.result(), None
             name, _ = self._steps.pop(0)
             # Resume is refused where nothing rests, which is what is wanted.
-            self._why = "" if answer.success or name == "resume" else f"{name}: {answer.message}"
+            self._why = "" if answer.success or name == RELEASE else f"{name}: {answer.message}"
             if self._why:
                 self._after_s = t_s + AGAIN_S
                 self._steps = self._steps[-1:] if name == "go_to" else []
@@ -134,7 +135,7 @@ class LiveService:
         if not self._steps:
             return
         name, request = self._steps[0]
-        if name == "disable" and not self._arrived() and t_s - self._begun_s < LONGEST_MOVE_S:
+        if name == BRAKE and not self._arrived() and t_s - self._begun_s < LONGEST_MOVE_S:
             return
         if name not in self._clients:
             kind = GoTo if name == "go_to" else Trigger

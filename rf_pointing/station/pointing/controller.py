@@ -77,6 +77,7 @@ class PointingController:
         self._stopping, self._sensor = "", Sensor.PROGRAM.value
         self._started_s, self._stepped_s, self._returning = -math.inf, -math.inf, False
         self._alarm: tuple[Level, str] = Level.OK, ""
+        self._renewed = False
         self.model_doubt = ""
         self.statistics = PassStatistics()
 
@@ -263,7 +264,9 @@ class PointingController:
         axes = self.antenna.step(t_s, self._motion.axes)
         if self._pass is None:
             return None, self._status(t_s, self._mode.fresh_error(t_s))
-        window = self._pass = self._extended(t_s, self._pass)
+        if self._renewed:
+            self._extend(t_s, self._pass)
+        window = self._pass
         if not self._stopping and t_s >= window.los_t_s:
             beyond = self.plan.beyond
             self._stopping = f"no certificate beyond this time: {beyond}" if beyond else LOSS_OF_SIGNAL
@@ -288,13 +291,18 @@ class PointingController:
             return self._finish(t_s)
         return trajectory, self._status(t_s, error)
 
-    def _extended(self, t_s: float, window: Pass) -> Pass:
-        """Return the pass in hand, longer where its target is predicted further and certified."""
-        axes = self._motion.axes
+    def take_profiles(self, profiles: list[PassProfile]) -> None:
+        """Replace the profiles of the coming passes; one may lead on the pass in hand."""
+        self.plan.take_profiles(profiles)
+        self._renewed = True
+
+    def _extend(self, t_s: float, window: Pass) -> None:
+        """Make the pass in hand longer where its target is predicted further and certified."""
+        axes, self._renewed = self._motion.axes, False
         if axes is None or self._turns_rad is None or self._stopping or self._scans.program:
-            return window
+            return
         averaging_s, cost = self.params.pointing.lag_averaging_s, partial(self._cost, self._sensor, window)
-        return self.plan.extended(t_s, window, axes, self._motion.model, averaging_s, cost)
+        self._pass = self.plan.extended(t_s, window, axes, self._motion.model, averaging_s, cost)
 
     def _motion_word(self) -> str:
         """Return what the safety gate calls the motion of the mode."""

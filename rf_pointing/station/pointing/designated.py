@@ -12,15 +12,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 from rf_pointing.core import Params, Target, parameter, require_choice
 from rf_pointing.core.signals import DESIGNATED
 from rf_pointing.designate import CLASSES, DECODERS, DesignatedPath, MotionFilter, Report, ReportNoise, read_table
 from rf_pointing.designate.decoders import Decoder
 from rf_pointing.designate.table import TableTarget
-from rf_pointing.ephemeris import Pass, Site, SkyUncertainty, TopocentricTrack
-from rf_pointing.ephemeris.passes import Horizon
+from rf_pointing.ephemeris import Pass, Site, SkyUncertainty, TopocentricTrack, find_passes
 from rf_pointing.ephemeris.uncertainty import place_uncertainty
 from rf_pointing.planning import HorizonMask, PassProfile
 from rf_pointing.receiver.level_sources import LineSource
@@ -35,7 +32,6 @@ RENEWED, SILENT = 1.0 / 6.0, 0.25
 # Reports with a time of their own are refused beyond these differences from the station's clock.
 OLDEST_S, EARLIEST_S = 10.0, 1.0
 MOST_HEARD = 500
-SHORTEST_S, STEP_S = 5.0, 1.0
 LONGEST_SILENCE_S = 60.0
 
 
@@ -212,9 +208,9 @@ class DesignatedTarget:
         track, ahead_s = self._track, self._kind.ahead_s
         assert track is not None
         self._renew_s = now_s + RENEWED * ahead_s
-        first_s, last_s = track.spans_t_s[0]
-        ends = (now_s, now_s + ahead_s) if self._table is None else (first_s, last_s)
-        passes = [each for each in stays_above(track, *ends, self._horizon) if each.los_t_s > now_s]
+        start_s, end_s = (now_s, now_s + ahead_s) if self._table is None else track.spans_t_s[0]
+        every = find_passes(track, start_s, end_s - start_s, self._horizon)
+        passes = [each for each in every if each.los_t_s > now_s]
         if passes:
             self._until_s = max(self._until_s, passes[-1].los_t_s) if self._table is None else passes[-1].los_t_s
             self._show(passes, [pass_profile(track, window) for window in passes])
@@ -254,47 +250,3 @@ class DesignatedTarget:
             values["report_age_s"] = round(now_s - found.state.t_s, 2)
         words = "; ".join(problems) or (self._track.name if self._track else "no target is selected")
         return Health(Level.WARN if problems else Level.OK, words, values)
-
-
-def stays_above(track: TopocentricTrack, start_s: float, end_s: float, horizon: Horizon) -> list[Pass]:
-    """Return the stays of a target above a horizon, which last for `SHORTEST_S` at least.
-
-    It is looked at every second: what flies may turn at any time, and follows no orbit whose
-    turning points could be sought.
-    """
-    times = np.linspace(start_s, end_s, max(2, math.ceil((end_s - start_s) / STEP_S) + 1))
-    looks = track.sample(times)
-    above = np.concatenate([[False], looks.elevation_rad > horizon(looks.azimuth_rad), [False]])
-    edges = np.flatnonzero(above[1:] != above[:-1]).reshape(-1, 2)
-    return [
-        _stay(track.name, looks, first, last, len(times))
-        for first, last in edges.tolist()
-        if last - first >= 2 and times[last - 1] - times[first] >= SHORTEST_S
-    ]
-
-
-def _stay(name: str, looks: object, first: int, last: int, count: int) -> Pass:
-    part = {each: getattr(looks, each)[first:last] for each in (
-        "t_s", "azimuth_rad", "elevation_rad", "azimuth_rate_rad_s", "elevation_rate_rad_s",
-        "azimuth_acceleration_rad_s2", "range_m",
-    )}  # fmt: skip
-    turns = math.tau * math.floor(part["azimuth_rad"][0] / math.tau)
-    azimuth, elevation = part["azimuth_rad"] - turns, part["elevation_rad"]
-    return Pass(
-        name=name,
-        aos_t_s=float(part["t_s"][0]),
-        tca_t_s=float(part["t_s"][np.argmin(part["range_m"])]),
-        los_t_s=float(part["t_s"][-1]),
-        peak_elevation_rad=float(elevation.max()),
-        aos_azimuth_rad=float(azimuth[0]),
-        aos_elevation_rad=float(elevation[0]),
-        los_azimuth_rad=float(azimuth[-1]),
-        azimuth_min_rad=float(azimuth.min()),
-        azimuth_max_rad=float(azimuth.max()),
-        peak_azimuth_rate_rad_s=float(np.abs(part["azimuth_rate_rad_s"]).max()),
-        peak_elevation_rate_rad_s=float(np.abs(part["elevation_rate_rad_s"]).max()),
-        peak_azimuth_acceleration_rad_s2=float(np.abs(part["azimuth_acceleration_rad_s2"]).max()),
-        smallest_range_m=float(part["range_m"].min()),
-        rises_before=first == 0,
-        sets_after=last == count,
-    )

@@ -36,7 +36,7 @@ class Led:
     def show(self, passes: list[Any], profiles: list[Any]) -> None:
         self.passes = passes
         if self.controller is not None:
-            self.controller.plan.take_profiles(profiles)
+            self.controller.take_profiles(profiles)
 
     def report(self, t_s: float, away_m: Any = (0.0, 0.0, 0.0), name: str = "3C6444") -> None:
         place = np.array(SITE.position_m) + (np.array(self.truth(t_s - T_S)) + away_m) @ np.array(SITE.axes)
