@@ -50,6 +50,9 @@ class ManagedNode(Lifecycle):
         self.inputs = InputCounter()
         self.diagnostics.add("inputs", self.inputs.health)
         self._lasting: dict[str, LatchedPublisher] = {}
+        self._endpoints: dict[tuple[str, bool, str], list[Any]] = {}
+        self.damaged_topics = set[str]()
+        """Topics with an end whose name could not be decoded at the last look into the graph."""
         self.diagnostics.add("outputs", self._outputs_health)
         self.input_watchdog = InputWatchdog(self)
 
@@ -135,6 +138,23 @@ class ManagedNode(Lifecycle):
         """Count an error of a callback that was not foreseen, and go on."""
         self.inputs.note_error(where, error)
         self.log_once(where, f"{type(error).__name__}: {error}; please report it", error=True)
+
+    def get_publishers_info_by_topic(self, topic_name: str, no_mangle: bool = False) -> list[Any]:
+        """Return the publishers of a topic; while a name is damaged, those of the last look."""
+        return self._last_sound("publishers", super().get_publishers_info_by_topic, topic_name, no_mangle)
+
+    def get_subscriptions_info_by_topic(self, topic_name: str, no_mangle: bool = False) -> list[Any]:
+        """Return the subscriptions of a topic; while a name is damaged, those of the last look."""
+        return self._last_sound("subscriptions", super().get_subscriptions_info_by_topic, topic_name, no_mangle)
+
+    def _last_sound(self, ends: str, look: Callable[[str, bool], list[Any]], topic: str, no_mangle: bool) -> list[Any]:
+        # One damaged discovery packet leaves a name that is no UTF-8 in the graph for good.
+        try:
+            self._endpoints[topic, no_mangle, ends] = look(topic, no_mangle)
+            self.damaged_topics.discard(topic)
+        except UnicodeDecodeError:
+            self.damaged_topics.add(topic)
+        return self._endpoints.get((topic, no_mangle, ends), [])
 
     @property
     def offered(self) -> list[Any]:
