@@ -8,9 +8,9 @@ antenna publishes /diagnostics once a second of wall time, so a node is deaf if
     an input that is sent all the time   is silent for 5 s of wall and of node time, although its
                                       publisher has just reported on /diagnostics that it is active,
                                       and not that it is silent and why
-    or its own periodic work          is not done for as long and two periods
-    a neighbour                       is silent for 25 s although most of the others receive it
-    most neighbours                   have not received this node for 25 s: it is mute
+    its own periodic work             is not done for as long and two periods
+    a neighbour                       is silent for 10 s although most of the others receive it
+    most neighbours                   have not received this node for 10 s: it is mute
     a name in the graph               has been damaged for 5 s, and could be read before
 
 A node that was killed leaves the graph after 20 s.  The silence of one neighbour alone proves
@@ -35,8 +35,10 @@ SILENCE_S = 25.0
 """Silence of a neighbour; more than the lease after which a dead participant leaves the graph."""
 INPUT_SILENCE_S = 5.0
 RECENT_S = 3.0
-RECEIVED_S = 10.0
-"""A neighbour counts as received for so long after its last message."""
+RECEIVED_S, PROVED_S = 5.0, 10.0
+"""A neighbour counts as received for so long after its last message.  One that has stopped is on no
+list that counts after RECEIVED_S + RECENT_S: what is on others' and silent here for longer is lost
+here."""
 FEWEST = 2
 # The message of the status `state`: a string is its length, its bytes and a zero, aligned.
 ACTIVE = re.compile(rb": state\x00.{0,3}?\x07\x00\x00\x00active\x00", re.DOTALL)
@@ -166,7 +168,7 @@ class InputWatchdog:
         silent = {name: since_s for name, since_s in silent.items() if since_s > SILENCE_S}
         if len(silent) >= FEWEST and len(silent) == len(self._neighbours):
             self._end(f"nothing has been received from {', '.join(silent)} for {min(silent.values()):.0f} s")
-        self._compare(silent, now_s, passed_s - unseen_s)
+        self._compare(now_s, passed_s - unseen_s)
         for watched in self._inputs:
             self._look_at(watched, passed_s - unseen_s, max(node_passed_s, 0.0))
         if self.deaf:
@@ -176,16 +178,17 @@ class InputWatchdog:
         values = {"received": "".join(f"{name} " for name in received)}
         return Health(WARN if words else OK, words or f"{len(self._neighbours)} neighbours", values)
 
-    def _compare(self, silent: dict[str, float], now_s: float, passed_s: float) -> None:
+    def _compare(self, now_s: float, passed_s: float) -> None:
         """Compare with whom the neighbours receive, and note how long the graph cannot be read."""
         reports = [one.received for one in self._neighbours.values() if now_s - one.heard_s < RECENT_S]
         others = [names for names in reports if names is not None]
-        for name, since_s in silent.items():
-            if 2 * sum(name in names for names in others) > len(others):
+        for name, one in self._neighbours.items():
+            since_s = now_s - one.heard_s
+            if since_s > PROVED_S and 2 * sum(name in names for names in others) > len(others):
                 self._end(f"nothing has been received from {name} for {since_s:.0f} s, which others receive")
         mute = len(others) >= FEWEST and 2 * sum(self._own in names for names in others) < len(others)
         self._mute_s = self._mute_s + passed_s if mute else 0.0
-        if self._mute_s > SILENCE_S:
+        if self._mute_s > PROVED_S:
             self._end(f"most neighbours have not received this node for {self._mute_s:.0f} s")
         # A stranger whose name never could be read is no damage, and a new start would not help.
         damaged = TOPIC in self._node.damaged_topics

@@ -41,6 +41,8 @@ NICER = -10
 HUNG_S = 120.0
 """Longest time for one thing of a node; to read 32 MiB of elements takes 15 s."""
 WRITTEN_S = 15.0
+ENDED_S = 20.0
+"""Longest end of a process, with the controlled stop of what it moves."""
 DEAF = 3
 """Exit code of a node that no longer receives."""
 LONGEST_WAIT_S = 0.2
@@ -103,8 +105,7 @@ def run(
         rclpy.try_shutdown()
         sys.exit(2)
     settle_garbage()
-    code = loop.work(watch.come_round)
-    watch.end()
+    code = loop.work(watch.come_round, watch.begin_end)
     executor.shutdown()
     rclpy.try_shutdown()
     if code:
@@ -137,8 +138,11 @@ class NodeLoop:
         if self._restart:
             node.diagnostics.add("process", self.health)
 
-    def work(self, come_round: Callable[[], None] = lambda: None) -> int:
-        """Work until a signal or without a node, `come_round` each round; return the exit code."""
+    def work(self, come_round: Callable[[], None] = lambda: None, begin_end: Callable[[], None] = lambda: None) -> int:
+        """Work until a signal or without a node; return the exit code.
+
+        `come_round` is called each round, `begin_end` before the nodes are ended.
+        """
         code, looked_s, idle_s = 0, time.monotonic(), 0.0
         # Not `spin`: between two events the nodes do their own work and the signals are seen.
         while not self._signals and (self._nodes or self._missing):
@@ -176,6 +180,7 @@ class NodeLoop:
             idle_s = idle_s + wait_s if looked_s - spun_s >= wait_s > 0.0 else 0.0
             if looked_s - began_s - wait_s > STALL_S:
                 self._stall_s, self._stalled_s = looked_s - began_s, looked_s
+        begin_end()
         codes = [self._end(make, node) for make, node in tuple(self._nodes)]
         return max([0 if self._restart else code, *codes])
 
@@ -292,10 +297,11 @@ class HangWatch:
         if sys.gettrace() is None:
             faulthandler.dump_traceback_later(patience_s, exit=True, file=sys.__stderr__)
 
-    @staticmethod
-    def end() -> None:
-        """Watch no longer."""
-        faulthandler.cancel_dump_traceback_later()
+    def begin_end(self) -> None:
+        """Give the end of nodes and process its time; Python itself ends the watch."""
+        # A participant of DDS that took damaged datagrams may never be destroyed.
+        self._patience_s = min(ENDED_S, self._patience_s)
+        self._arm(self._patience_s)
 
 
 def _check_security(environment: Mapping[str, str]) -> None:

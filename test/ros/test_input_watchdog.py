@@ -140,13 +140,13 @@ ALL_BUT = {each: "".join(f"{name} " for name in (OWN, *OTHERS) if name != each) 
     ("says", "received", "deaf"),
     [
         # One neighbour is silent here, and the others receive it, or one of two, or none does.
-        ([RECEIVER, CALIBRATOR], ALL_BUT, f"nothing has been received from {SERVO} for 26 s, which others receive"),
+        ([RECEIVER, CALIBRATOR], ALL_BUT, f"nothing has been received from {SERVO} for 11 s, which others receive"),
         ([RECEIVER, CALIBRATOR], ALL_BUT | {RECEIVER: f"{OWN} "}, ""),
         ([RECEIVER, CALIBRATOR], dict.fromkeys(OTHERS, f"{OWN} "), ""),
         # A node says nothing of others, or is one that does not say whom it receives.
         ([RECEIVER], {RECEIVER: ""}, ""), ([RECEIVER], {}, ""),
         # None of the others receives this one; one of three does not.
-        (OTHERS, dict.fromkeys(OTHERS, ""), "most neighbours have not received this node for 26 s"),
+        (OTHERS, dict.fromkeys(OTHERS, ""), "most neighbours have not received this node for 11 s"),
         (OTHERS, ALL_BUT | {SERVO: ""}, ""),
     ],
 )  # fmt: skip
@@ -166,7 +166,7 @@ def test_what_a_node_receives_is_what_its_neighbours_read() -> None:
     values = {key: str(value) for key, value in graph.watchdog.look().values.items()}
     assert values == {"received": f"{SERVO} {CALIBRATOR} "}
     other.run(30, received=dict.fromkeys(OTHERS, values["received"]), says=list(OTHERS))
-    assert other.watchdog.deaf == "most neighbours have not received this node for 26 s"
+    assert other.watchdog.deaf == "most neighbours have not received this node for 11 s"
 
 
 def test_a_name_that_becomes_damaged_ends_the_node_and_one_that_always_was_does_not() -> None:
