@@ -106,6 +106,11 @@ def run(
         sys.exit(2)
     settle_garbage()
     code = loop.work(watch.come_round, watch.begin_end)
+    if loop.deaf:
+        # A participant of DDS that took damaged datagrams may never be destroyed.
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code)
     executor.shutdown()
     rclpy.try_shutdown()
     if code:
@@ -127,6 +132,7 @@ class NodeLoop:
         self._writing = writing
         self._nodes: list[tuple[Callable[[], Any], Any]] = []
         self._missing: dict[Callable[[], Any], float] = {}
+        self.deaf = False
         self._restarts, self._stall_s, self._stalled_s = Counter[str](), 0.0, -math.inf
         for make in node_types:
             self._add(make, make())
@@ -181,11 +187,15 @@ class NodeLoop:
             if looked_s - began_s - wait_s > STALL_S:
                 self._stall_s, self._stalled_s = looked_s - began_s, looked_s
         begin_end()
-        codes = [self._end(make, node) for make, node in tuple(self._nodes)]
+        self.deaf = any(node.input_watchdog.deaf for _, node in self._nodes)
+        codes = [self._end(make, node, destroy=not self.deaf) for make, node in tuple(self._nodes)]
         return max([0 if self._restart else code, *codes])
 
-    def _end(self, make: Callable[[], Any], node: Any) -> int:
-        """End a node under control, and return what the exit code says of it."""
+    def _end(self, make: Callable[[], Any], node: Any, *, destroy: bool = True) -> int:
+        """End a node under control, and return what the exit code says of it.
+
+        What DDS has of it is left where it has stopped to receive: its end may hang.
+        """
         words, deaf = "", node.input_watchdog.deaf
         if node.failure is not None:
             words = _report(node, node.failure)
@@ -199,11 +209,12 @@ class NodeLoop:
         except Exception as error:
             words = _report(node, error)
         self._nodes.remove((make, node))
-        self._executor.remove_node(node)
-        # `destroy_node` leaves them: an old action would take the goals of the new one.
-        for action in [each for each in node.waitables if isinstance(each, (ActionClient, ActionServer))]:
-            action.destroy()
-        node.destroy_node()
+        if destroy:
+            self._executor.remove_node(node)
+            # `destroy_node` leaves them: an old action would take the goals of the new one.
+            for action in [each for each in node.waitables if isinstance(each, (ActionClient, ActionServer))]:
+                action.destroy()
+            node.destroy_node()
         node.lock.release()
         return 1 if words else DEAF if deaf else 0
 
@@ -299,7 +310,6 @@ class HangWatch:
 
     def begin_end(self) -> None:
         """Give the end of nodes and process its time; Python itself ends the watch."""
-        # A participant of DDS that took damaged datagrams may never be destroyed.
         self._patience_s = min(ENDED_S, self._patience_s)
         self._arm(self._patience_s)
 
