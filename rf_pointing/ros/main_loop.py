@@ -41,8 +41,8 @@ NICER = -10
 HUNG_S = 120.0
 """Longest time for one thing of a node; to read 32 MiB of elements takes 15 s."""
 WRITTEN_S = 15.0
-ENDED_S = 20.0
-"""Longest end of a process, with the controlled stop of what it moves."""
+STARTED_S, ENDED_S = 30.0, 20.0
+"""Longest making of the nodes of a process, and its longest end with the stop of what it moves."""
 DEAF = 3
 """Exit code of a node that no longer receives."""
 LONGEST_WAIT_S = 0.2
@@ -99,6 +99,7 @@ def run(
             signal.signal(sign, lambda number, _frame: signals.append(number))
         executor = make_executor()
         watch = HangWatch()
+        watch.begin()
         loop = NodeLoop(node_types, executor, signals, watch.writing, restart=restart)
     except (RuntimeError, ValueError) as error:
         _say_not_started(error)
@@ -288,6 +289,10 @@ class HangWatch:
 
     def __init__(self, patience_s: float = HUNG_S) -> None:
         self._patience_s, self._armed_s = patience_s, -math.inf
+
+    def begin(self) -> None:
+        """Give the start of nodes its time: damaged datagrams can hang one that is being made."""
+        self._arm(min(STARTED_S, self._patience_s))
 
     def come_round(self) -> None:
         """Note that the loop works; each second is often enough."""

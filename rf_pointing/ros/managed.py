@@ -172,6 +172,11 @@ class ManagedNode(Lifecycle):
         """Offer a service through the door of this node; so do those that rclpy itself creates."""
         return self.doors[False].open(srv_type, srv_name, callback, qos_profile)
 
+    def _clear(self) -> None:
+        # In a process that no longer receives DDS may never give back an end of a topic.
+        if not self.input_watchdog.deaf:
+            super()._clear()
+
     def destroy_node(self) -> None:
         for door in self.doors.values():
             door.close()

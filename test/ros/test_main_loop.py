@@ -315,11 +315,13 @@ def test_a_write_that_hangs_ends_the_process_sooner() -> None:
     assert (ended.returncode, ended.stdout) == (1, "written\n")
 
 
-def test_an_end_that_hangs_ends_the_process_and_one_in_time_has_its_own_code() -> None:
+@pytest.mark.parametrize(
+    "phase", ["watch.begin()", "watch.come_round()\nwatch.begin_end()\nwith watch.writing(): pass"]
+)
+def test_a_start_or_an_end_that_hangs_ends_the_process_and_one_in_time_has_its_own_code(phase: str) -> None:
     code = (
-        "import sys, time\nfrom rf_pointing.ros import main_loop\nmain_loop.ENDED_S = 1.0\n"
-        "watch = main_loop.HangWatch()\nwatch.come_round()\nwatch.begin_end()\nwith watch.writing():\n    pass\n"
-        "time.sleep(float(sys.argv[1]))\nsys.exit(3)\n"
+        "import sys, time\nfrom rf_pointing.ros import main_loop\nmain_loop.STARTED_S = main_loop.ENDED_S = 1.0\n"
+        f"watch = main_loop.HangWatch()\n{phase}\ntime.sleep(float(sys.argv[1]))\nsys.exit(3)\n"
     )
     for seconds, status in (("0", 3), ("60", 1)):
         ended = subprocess.run([sys.executable, "-c", code, seconds], capture_output=True, timeout=30.0)
