@@ -174,28 +174,31 @@ class InputWatchdog:
         if self.deaf:
             return Health(ERROR, f"{self.deaf}: the node starts again")
         words = "; ".join(f"{name} has been silent for {since_s:.0f} s" for name, since_s in silent.items())
-        received = [name for name, one in self._neighbours.items() if now_s - one.taken_s < RECEIVED_S]
-        values = {"received": "".join(f"{name} " for name in received)}
+        since_s = {name: now_s - one.taken_s for name, one in self._neighbours.items()}
+        received = [f"{name} " for name, silence_s in since_s.items() if silence_s < RECEIVED_S]
+        values = {"received": "".join(received)}
         return Health(WARN if words else OK, words or f"{len(self._neighbours)} neighbours", values)
 
     def _compare(self, now_s: float, passed_s: float) -> None:
         """Compare with whom the neighbours receive, and note how long the graph cannot be read."""
-        reports = [one.received for one in self._neighbours.values() if now_s - one.heard_s < RECENT_S]
-        others = [names for names in reports if names is not None]
+        recent = [one for one in self._neighbours.values() if now_s - one.heard_s < RECENT_S]
+        others = [one.received for one in recent if one.received is not None]
         for name, one in self._neighbours.items():
             since_s = now_s - one.heard_s
             if since_s > PROVED_S and 2 * sum(name in names for names in others) > len(others):
                 self._end(f"nothing has been received from {name} for {since_s:.0f} s, which others receive")
-        mute = len(others) >= FEWEST and 2 * sum(self._own in names for names in others) < len(others)
+        by = sum(self._own in names for names in others)
+        mute = len(others) >= FEWEST and 2 * by < len(others)
         self._mute_s = self._mute_s + passed_s if mute else 0.0
         if self._mute_s > PROVED_S:
             self._end(f"most neighbours have not received this node for {self._mute_s:.0f} s")
-        # A stranger whose name never could be read is no damage, and a new start would not help.
+        # A stranger may have a name that never could be read: a new start would not help.
         damaged = TOPIC in self._node.damaged_topics
         self._readable |= not damaged
         self._unreadable_s = self._unreadable_s + passed_s if damaged and self._readable else 0.0
         if self._unreadable_s > INPUT_SILENCE_S:
-            self._end(f"the names of the senders of {TOPIC} have been damaged for {self._unreadable_s:.0f} s")
+            long_s = self._unreadable_s
+            self._end(f"the names of the senders of {TOPIC} have been damaged for {long_s:.0f} s")
 
     def _end(self, why: str) -> None:
         """Have the node start again; the first reason is kept."""

@@ -445,7 +445,7 @@ def test_the_exit_code_of_a_process_says_how_it_ended(
     monkeypatch.setenv("ROS_DOMAIN_ID", str(ros_domain))
     monkeypatch.setattr(sys, "argv", ["node", "--ros-args", "-p", "lifecycle.autostart:=true"])
     # Where DDS no longer receives, the process is left without its end.
-    monkeypatch.setattr(os, "_exit", sys.exit)
+    monkeypatch.setattr(main_loop, "leave", sys.exit)
     kept = signal.getsignal(signal.SIGTERM)
     try:
         if code is None:
