@@ -122,7 +122,8 @@ def prepare_track(request: TrackRequest) -> Flight:
         say("track", warning)
     stem = f"{id_of(request.target.satellite)}-{datetime.fromtimestamp(window.aos_t_s, UTC):%Y%m%dT%H%M%S}"
     output = output_folder(request, stem)
-    setup = run_setup("track", request, output, *start_of(request, window))
+    begin_s = math.floor(window.aos_t_s) - request.before_pass_s(window)
+    setup = run_setup("track", request, output, begin_s, window.name)
     say("track", f"{window.name} over {request.station.name}, {request.station.band} band, {request.sensor}: "
         f"AOS {utc_text(window.aos_t_s)}, {window.duration_s:.0f} s, "
         f"peak {math.degrees(window.peak_elevation_rad):.1f} deg")  # fmt: skip
@@ -256,12 +257,9 @@ def prepare_calibration(request: CalibrateRequest) -> Calibration:
         target=Target(location=str(elements), satellite=str(schedule.elements[0].catalogue_number)),
         parameter_files=(*request.parameter_files, calibrator),
     )
-    setup = replace(
-        run_setup(
-            "calibrate", own, output, *start_of(own, [*schedule.windows, *schedule.acceptance_passes][0])
-        ),
-        awaited="the first pass",
-    )  # fmt: skip
+    first = [*schedule.windows, *schedule.acceptance_passes][0]
+    begin_s = math.floor(first.aos_t_s) - own.before_pass_s(first)
+    setup = run_setup("calibrate", own, output, begin_s, "the first pass")
     say("calibrate", str(schedule))
     return Calibration(request=request, schedule=schedule, output=output, setup=setup)
 
@@ -343,11 +341,6 @@ def nodes_of(request: RunRequest) -> tuple[str, ...]:
     if not station.simulated:
         names = with_trackers(names, station.every_sensor, station.receiver)
     return with_receiver(names, station.receiver)
-
-
-def start_of(request: RunRequest, window: Pass) -> tuple[float, str]:
-    """Return when a run begins whose first pass is `window`, and what it waits for."""
-    return math.floor(window.aos_t_s) - request.before_pass_s(window), window.name
 
 
 def run_setup(program: str, request: RunRequest, output: Path, begin_s: float, awaited: str) -> RunSetup:

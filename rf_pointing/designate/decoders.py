@@ -70,7 +70,11 @@ class Adsb(Decoder):
             _remember(self._heights, name, t_s, height * FOOT_M)
         if speed is not None and course is not None:
             east, north = math.sin(math.radians(course)), math.cos(math.radians(course))
-            velocity = speed * KNOT_M_S * east, speed * KNOT_M_S * north, (climb or 0.0) * FOOT_M / 60.0
+            velocity = (
+                speed * KNOT_M_S * east,
+                speed * KNOT_M_S * north,
+                (climb or 0.0) * FOOT_M / 60.0,
+            )
             _remember(self._velocities, name, t_s, velocity)
         if latitude is None or longitude is None:
             return []
@@ -113,7 +117,9 @@ class Mavlink(Decoder):
     port = 14550
 
     def take(self, data: bytes, t_s: float) -> list[Report]:
-        return [found for frame in _frames(data) if (found := self._report(*frame, t_s)) is not None]
+        return [
+            found for frame in _frames(data) if (found := self._report(*frame, t_s)) is not None
+        ]
 
     def _report(self, number: int, system: int, payload: bytes, t_s: float) -> Report | None:
         if number != POSITION_INT:

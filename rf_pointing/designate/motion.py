@@ -121,7 +121,9 @@ class MotionFilter:
         if not distance2 <= GATE:
             return self._refuse(report, float(np.linalg.norm(off)))
         self._refused.clear()
-        mean, covariance = _update(ahead.mean, ahead.covariance, slice(0, 3), report.position_m, noise_m2)
+        mean, covariance = _update(
+            ahead.mean, ahead.covariance, slice(0, 3), report.position_m, noise_m2
+        )
         if report.velocity_m_s is not None:
             given = report.velocity_m_s, self._velocity_m2_s2 * np.eye(3)
             rate2 = covariance[3:6, 3:6] + given[1]
@@ -163,7 +165,10 @@ class MotionFilter:
         covariance[:3, :3], covariance[3:6, 3:6] = noise_m2, rate2
         covariance[6:, 6:] = self.kind.acceleration_m_s2**2 * np.eye(3)
         mean = np.concatenate([report.position_m, velocity, np.zeros(3)])
-        self.state, self.lost = ReportedMotion(report.t_s, mean, covariance, noise_m2, self.kind), ""
+        self.state, self.lost = (
+            ReportedMotion(report.t_s, mean, covariance, noise_m2, self.kind),
+            "",
+        )
         return ""
 
     def _refuse(self, report: Report, off_m: float) -> str:
@@ -200,7 +205,9 @@ def _process_noise(step_s: float, kind: TargetClass) -> Array:
     return found
 
 
-def _update(mean: Array, covariance: Array, part: slice, measured: Array, noise: Array) -> tuple[Array, Array]:
+def _update(
+    mean: Array, covariance: Array, part: slice, measured: Array, noise: Array
+) -> tuple[Array, Array]:
     """Return mean and covariance after a measurement of a part of the state, in Joseph's form."""
     gain = np.linalg.solve(covariance[part, part] + noise, covariance[part]).T
     left = np.eye(len(mean))

@@ -30,7 +30,9 @@ class DesignatedPath:
     def __init__(self, name: str, state: ReportedMotion) -> None:
         self.name, self.state = name, state
         # From when each part counts, its blend from then on, and its prediction.
-        self._parts: deque[tuple[float, Quintic | None, ReportedMotion]] = deque([(-np.inf, None, state)])
+        self._parts: deque[tuple[float, Quintic | None, ReportedMotion]] = deque(
+            [(-np.inf, None, state)]
+        )
 
     def renew(self, from_s: float, state: ReportedMotion) -> None:
         """Follow another prediction from a time on, which is later than all that was used."""
@@ -47,7 +49,9 @@ class DesignatedPath:
             position, velocity, acceleration = self._at(t_s + ahead_s)
         else:
             rows = [self._at(float(each) + ahead_s) for each in t_s]
-            position, velocity, acceleration = (np.array(part).T for part in zip(*rows, strict=True))
+            position, velocity, acceleration = (
+                np.array(part).T for part in zip(*rows, strict=True)
+            )
         # Light from a target of the air is under way for less than a millisecond: no jerk is seen.
         parts = (tuple(part) for part in (position, velocity, acceleration, 0.0 * acceleration))
         return StateVector(*parts)
@@ -61,7 +65,9 @@ class DesignatedPath:
         return self.state.position_covariance_m2(t_s)
 
     def _at(self, t_s: float) -> Motion:
-        from_s, blend, state = next((part for part in reversed(self._parts) if t_s >= part[0]), self._parts[0])
+        from_s, blend, state = next(
+            (part for part in reversed(self._parts) if t_s >= part[0]), self._parts[0]
+        )
         if blend is not None and t_s - from_s < BLEND_S:
             return blend.at(t_s - from_s)
         return state.motion_at(t_s)

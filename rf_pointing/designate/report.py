@@ -30,7 +30,9 @@ class ReportNoise(Params):
     )
     velocity_m_s: float = parameter(3.0, "reported velocity, per axis", low=0.01, high=1e3)
     time_s: float = parameter(0.3, "time of a report; acts along the velocity", low=0.0, high=60.0)
-    direction_rad: float = parameter(math.radians(0.1), "reported azimuth and elevation", low=1e-6, high=0.2)
+    direction_rad: float = parameter(
+        math.radians(0.1), "reported azimuth and elevation", low=1e-6, high=0.2
+    )
     range_m: float = parameter(50.0, "reported range", low=0.1, high=1e6)
 
 
@@ -89,7 +91,10 @@ class Report:
         require_between("elevation_rad", elevation_rad, -0.5 * math.pi, 0.5 * math.pi)
         require_between("range_m", range_m, 1.0, HIGHEST_M)
         to_fixed = np.array(site.axes).T
-        (sa, se), (ca, ce) = np.sin([azimuth_rad, elevation_rad]), np.cos([azimuth_rad, elevation_rad])
+        (sa, se), (ca, ce) = (
+            np.sin([azimuth_rad, elevation_rad]),
+            np.cos([azimuth_rad, elevation_rad]),
+        )
         looks = np.array([[sa * ce, ca, -sa * se], [ca * ce, -sa, -ca * se], [se, 0.0, ce]])
         across_m = range_m * noise.direction_rad
         sigmas = np.array([noise.range_m, across_m, across_m])

@@ -56,8 +56,12 @@ class TableTarget:
         first, last = self.spans_t_s[0]
         at = np.asarray(t_s) + ahead_s
         if np.any((at < first) | (at > last)):
-            raise ValueError(f"{self.name} has no place {ahead_s + float(np.max(t_s)) - last:.1f} s after its last row")
-        return StateVector(*(tuple(np.moveaxis(self._spline(at, order), -1, 0)) for order in range(4)))
+            raise ValueError(
+                f"{self.name} has no place {ahead_s + float(np.max(t_s)) - last:.1f} s after its last row"
+            )
+        return StateVector(
+            *(tuple(np.moveaxis(self._spline(at, order), -1, 0)) for order in range(4))
+        )
 
     def warnings(self, _t_s: float) -> tuple[str, ...]:
         """Return nothing: a table says nothing about its age."""

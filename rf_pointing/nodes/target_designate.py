@@ -86,7 +86,10 @@ class TargetDesignate(StationNode):
     def _on_fix(self, message: NavSatFix) -> None:
         if message.status.status == NavSatStatus.STATUS_NO_FIX:
             raise ValueError("a NavSatFix without a fix")
-        t_s, noise = seconds_from_stamp(message.header.stamp), self.parameters.value("designate").noise
+        t_s, noise = (
+            seconds_from_stamp(message.header.stamp),
+            self.parameters.value("designate").noise,
+        )
         if message.position_covariance_type != NavSatFix.COVARIANCE_TYPE_UNKNOWN:
             east, north, up = np.sqrt(np.diag(np.reshape(message.position_covariance, (3, 3)))).tolist()
             noise = noise.replace(horizontal_m=max(east, north, 0.1), vertical_m=max(up, 0.1))
@@ -101,7 +104,10 @@ class TargetDesignate(StationNode):
 
     def _on_direction(self, message: Target) -> None:
         place = message.azimuth, message.elevation, message.range
-        t_s, noise = seconds_from_stamp(message.header.stamp), self.parameters.value("designate").noise
+        t_s, noise = (
+            seconds_from_stamp(message.header.stamp),
+            self.parameters.value("designate").noise,
+        )
         report = Report.of_direction(t_s, DIRECTION, *place, self._target.site, noise)
         self._target.take_stamped(report, self.now_s())
 

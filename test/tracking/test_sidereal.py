@@ -27,7 +27,11 @@ def planted(random: np.random.Generator, swing_deg: float) -> SiderealMotion:
 
 
 def pair(
-    truth: SiderealMotion, t_s: float, places: np.ndarray, random: np.random.Generator, sigma_db: float
+    truth: SiderealMotion,
+    t_s: float,
+    places: np.ndarray,
+    random: np.random.Generator,
+    sigma_db: float,
 ) -> list[Sample]:
     """Return two levels of a Gaussian beam half a minute apart, under any weather."""
     weather_db = random.normal(60.0, 5.0)

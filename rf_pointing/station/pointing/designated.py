@@ -14,7 +14,15 @@ from pathlib import Path
 
 from rf_pointing.core import Params, Target, parameter, require_choice
 from rf_pointing.core.signals import DESIGNATED
-from rf_pointing.designate import CLASSES, DECODERS, DesignatedPath, MotionFilter, Report, ReportNoise, read_table
+from rf_pointing.designate import (
+    CLASSES,
+    DECODERS,
+    DesignatedPath,
+    MotionFilter,
+    Report,
+    ReportNoise,
+    read_table,
+)
 from rf_pointing.designate.decoders import Decoder
 from rf_pointing.designate.table import TableTarget
 from rf_pointing.ephemeris import Pass, Site, SkyUncertainty, TopocentricTrack, find_passes
@@ -240,7 +248,10 @@ class DesignatedTarget:
         """Return whether sources and target are well, and the numbers behind it."""
         problems = [source.problem for source in self.sources if source.problem]
         if self._why:
-            problems.insert(0, f"{self._track.name if self._track else DESIGNATED}: {self._why}; select it again")
+            problems.insert(
+                0,
+                f"{self._track.name if self._track else DESIGNATED}: {self._why}; select it again",
+            )
         values: dict[str, object] = {
             "known": ", ".join(self.known[:20]),
             **{f"refused: {why}": count for why, count in self.refused.items()},

@@ -23,7 +23,11 @@ class Led:
     """A designated target, its truth in east, north, up of the site, and a controller on ideal axes."""
 
     def __init__(
-        self, truth: Callable[[float], Any], controller: Any = None, kind: str = "aircraft", **params: Any
+        self,
+        truth: Callable[[float], Any],
+        controller: Any = None,
+        kind: str = "aircraft",
+        **params: Any,
     ) -> None:
         self.truth, self.controller = truth, controller
         self.target = DesignatedTarget(
@@ -56,7 +60,10 @@ class Led:
             self.target.step(self.t_s)
             if self.latest is not None:
                 row = int(np.argmin(np.abs(self.latest.t_s - self.t_s)))
-                self.axes_rad, self.rate = self.latest.position_rad[row], self.latest.velocity_rad_s[row]
+                self.axes_rad, self.rate = (
+                    self.latest.position_rad[row],
+                    self.latest.velocity_rad_s[row],
+                )
             core = self.controller
             core.take_joints(JointReading(t_s=self.t_s, position_rad=self.axes_rad, velocity_rad_s=self.rate))
             if (found := self.target.target_at(self.t_s)) is not None:
@@ -103,7 +110,9 @@ def test_nothing_is_published_and_nothing_selected_before_two_reports_agree() ->
     assert led.target.target_at(T_S + 3.0) is not None
 
 
-def test_a_turning_aircraft_is_held_longer_than_any_of_its_certificates(make_controller: MakeController) -> None:
+def test_a_turning_aircraft_is_held_longer_than_any_of_its_certificates(
+    make_controller: MakeController,
+) -> None:
     """150 s of a flight that is known for two minutes at a time, to 0.5 deg also in its turn."""
     led = Led(flying_by, make_controller())
     led.run(3.0)
@@ -119,7 +128,9 @@ def test_a_turning_aircraft_is_held_longer_than_any_of_its_certificates(make_con
     assert 1e-3 < math.sqrt(np.trace(stated.covariance_rad2)) < 2e-2
 
 
-def test_without_reports_the_pass_goes_on_as_predicted_and_ends_in_time(make_controller: MakeController) -> None:
+def test_without_reports_the_pass_goes_on_as_predicted_and_ends_in_time(
+    make_controller: MakeController,
+) -> None:
     led = Led(lambda t: (-20e3 + 220.0 * t, 15e3, 10e3), make_controller())
     led.run(20.0)
     led.begin()
@@ -134,7 +145,9 @@ def test_without_reports_the_pass_goes_on_as_predicted_and_ends_in_time(make_con
     assert led.target.target_at(led.t_s) is None
 
 
-def test_reports_that_jump_lead_nowhere_and_must_be_selected_again(make_controller: MakeController) -> None:
+def test_reports_that_jump_lead_nowhere_and_must_be_selected_again(
+    make_controller: MakeController,
+) -> None:
     led = Led(lambda t: (-20e3 + 220.0 * t, 15e3, 10e3), make_controller())
     led.run(20.0)
     led.begin()
@@ -163,7 +176,9 @@ def test_a_pass_ends_where_the_axes_would_have_to_unwind(make_controller: MakeCo
     assert "past the limit azimuth 170.0 deg" in led.controller.statistics.reason
 
 
-def test_a_rocket_near_its_pad_is_refused_with_what_it_needs(make_controller: MakeController) -> None:
+def test_a_rocket_near_its_pad_is_refused_with_what_it_needs(
+    make_controller: MakeController,
+) -> None:
     """30 m/s^2 seen from 500 m: the axes would drag behind for half of the minute."""
     led = Led(lambda t: (0.0, 500.0, 50.0 + 15.0 * t**2), make_controller(), kind="rocket")
     led.run(4.0)
@@ -191,7 +206,10 @@ def test_a_table_has_the_certificate_of_its_whole_flight(tmp_path: Path, make_co
 @pytest.mark.parametrize(
     ("params", "said"),
     [
-        ({"source": "ogn:localhost:1"}, "designate.source='ogn' must be one of adsb, sonde, mavlink, table"),
+        (
+            {"source": "ogn:localhost:1"},
+            "designate.source='ogn' must be one of adsb, sonde, mavlink, table",
+        ),
         (
             {"source": "adsb:localhost"},
             "designate.source='adsb:localhost' must be adsb:HOST:PORT, or adsb:HOST:PORT/NAME",
