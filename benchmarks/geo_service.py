@@ -20,8 +20,8 @@ from rf_pointing.core import MU, angular_distance_rad
 from rf_pointing.core.dates import parse_utc
 from rf_pointing.ephemeris import Elements, TopocentricTrack, sun
 from rf_pointing.ephemeris.sites import Site
-from rf_pointing.station.clients.service import Service, ServiceParams
-from rf_pointing.tracking.sidereal import SiderealMotion
+from rf_pointing.station.service.keeper import Service, ServiceParams
+from rf_pointing.station.service.sidereal import SiderealMotion
 
 STEP_S, RESTING_STEP_S, TABLE_S = 4.0, 12.0, 60.0
 BEGIN = "2026-02-15T00:00:00"

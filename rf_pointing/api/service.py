@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +14,8 @@ from rf_pointing.core.types import Pair
 from rf_pointing.core.whole_file import KeptState
 from rf_pointing.ephemeris import TopocentricTrack
 from rf_pointing.ephemeris.solar import SolarDirection
-from rf_pointing.station.clients.service import Service, ServiceDesk, ServiceParams
-from rf_pointing.tracking.sidereal import SIDEREAL_DAY_S, SiderealMotion
+from rf_pointing.station.service.keeper import Service, ServiceDesk, ServiceParams
+from rf_pointing.station.service.sidereal import SIDEREAL_DAY_S, SiderealMotion
 
 # A target whose directions of a day lie within this of each other stays; others rise and set.
 STAYS_RAD = math.radians(20.0)
@@ -52,10 +53,13 @@ def make_service(station: Station, target: Target, t_s: float, kept: dict[str, A
         motion = SiderealMotion(width_rad, MOUNT_BEAMS * width_rad, math.radians(7.0))
         motion.restore(kept)
         if motion.covariance is not None and stays(track, t_s):
-            return Service(target.name, ServiceParams(), motion, lambda _t_s: (azimuth, elevation), sun)
+            base = azimuth, elevation
+            return Service(target.name, ServiceParams(), motion, lambda _t_s: base, sun)
     if not stays(track, t_s):
         motion = SiderealMotion(width_rad, MOUNT_BEAMS * width_rad, 0.1 * width_rad)
-        return Service(target.name, ServiceParams(), motion, lambda at_s: direction(track, at_s), sun)
+        moving = partial(direction, track)
+        return Service(target.name, ServiceParams(), motion, moving, sun)
+    # From here on the elements are not needed: they would be refused after two weeks.
     first = direction(track, t_s)
     motion = SiderealMotion(width_rad, math.radians(7.0), math.radians(7.0), t_s=t_s)
     times = t_s + np.linspace(0.0, SIDEREAL_DAY_S, SEEDS)
@@ -63,8 +67,9 @@ def make_service(station: Station, target: Target, t_s: float, kept: dict[str, A
     right = (np.unwrap(looks.azimuth_rad) - looks.azimuth_rad[0]) * math.cos(first[1])
     # Errors of elements are alike all day: together the places say no more than some of them.
     sigma_rad = 0.5 * math.sqrt(SEEDS) * math.hypot(ELEMENTS_SIGMA_RAD, MOUNT_BEAMS * width_rad)
-    for place_s, *offset in zip(times.tolist(), right.tolist(), (looks.elevation_rad - first[1]).tolist(), strict=True):
-        motion.place(place_s, np.array(offset), sigma_rad)
+    offsets = np.column_stack([right, looks.elevation_rad - first[1]])
+    for place_s, offset in zip(times.tolist(), offsets, strict=True):
+        motion.place(place_s, offset, sigma_rad)
     motion.t_s = t_s
     return Service(target.name, ServiceParams(), motion, lambda _t_s: first, sun)
 

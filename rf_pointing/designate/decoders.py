@@ -60,6 +60,7 @@ class Adsb(Decoder):
         fields = data.decode("latin-1").strip().split(",")
         if len(fields) < 17:
             raise ValueError("line that is not SBS")
+        # SEL, ID, AIR, STA and CLK report on the receiver's screen, not on the sky.
         if fields[0] != "MSG":
             return []
         name = fields[4].strip().upper()
@@ -102,6 +103,7 @@ class Sonde(Decoder):
         place = _numbers(given, "latitude", "longitude", "altitude")
         if not place or not isinstance(given.get("callsign"), str):
             raise ValueError("payload summary without callsign, latitude, longitude and altitude")
+        # Speed and heading are -1 where the decoder has neither.
         velocity = None
         moving = _numbers(given, "vel_h", "heading", "vel_v")
         if moving and moving[1] >= 0.0:
@@ -160,6 +162,7 @@ def _frames(data: bytes) -> Iterator[tuple[int, int, bytes]]:
         head = data[place : place + header]
         if len(head) < header:
             raise ValueError("MAVLink frame that is cut off")
+        # Signed frames are read without a check: the key is between autopilot and its station.
         signed = head[0] == 0xFD and head[2] & 1
         body = place + header + head[1]
         end = body + CHECKSUM_BYTES + (SIGNATURE_BYTES if signed else 0)

@@ -142,6 +142,7 @@ class MotionFilter:
     def _consistent(self, first: Report, second: Report) -> bool:
         """Return whether a target of the class can have come from one report to the other."""
         step_s = second.t_s - first.t_s
+        # Noise and late clocks make a target seem faster than it is.
         spread_m = 4.0 * math.sqrt(float(np.trace(first.covariance_m2 + second.covariance_m2)))
         reach_m = self.kind.fastest_m_s * (step_s + self._time_s) + spread_m
         apart_m = float(np.linalg.norm(second.position_m - first.position_m))
@@ -153,6 +154,7 @@ class MotionFilter:
             return ""
         if not self._consistent(first, report):
             return "report that does not agree with the one before"
+        # Two places give a speed with the noise of both, and what it may have changed between them.
         step_s = report.t_s - first.t_s
         between = (report.position_m - first.position_m) / step_s
         velocity = between if report.velocity_m_s is None else report.velocity_m_s
@@ -172,6 +174,7 @@ class MotionFilter:
         return ""
 
     def _refuse(self, report: Report, off_m: float) -> str:
+        # One wild report after another is noise; a jump is one that goes on from where it came.
         if self._refused and not self._consistent(self._refused[-1], report):
             self._refused.clear()
         self._refused.append(report)

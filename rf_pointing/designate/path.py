@@ -36,6 +36,7 @@ class DesignatedPath:
 
     def renew(self, from_s: float, state: ReportedMotion) -> None:
         """Follow another prediction from a time on, which is later than all that was used."""
+        # Only what is published later may change: a command once sent is being flown.
         end = state.motion_at(from_s + BLEND_S)
         blend = Quintic(self._at(from_s), end, BLEND_S)
         self.state = state

@@ -48,6 +48,7 @@ class TableTarget:
                 f"<= {LONGEST_STEP_S:.0f} s"
             )
         self._spline = CubicSpline(times, np.array([report.position_m for report in reports]))
+        # A table has one accuracy: the station states it.
         self._covariance_m2 = reports[0].covariance_m2
         self.spans_t_s = ((float(times[0]), float(times[-1])),)
 

@@ -24,7 +24,7 @@ from rf_pointing.ros.main_loop import run
 from rf_pointing.ros.qos import LATCHED, STREAM
 from rf_pointing.ros.stamps import seconds_from_stamp
 from rf_pointing.ros.station_node import StationNode
-from rf_pointing.station.pointing.designated import DesignatedTarget
+from rf_pointing.station.designated.target import DesignatedTarget
 
 VELOCITY_AGE_S = 1.0
 FIX, DIRECTION = "fix", "direction"
@@ -90,6 +90,7 @@ class TargetDesignate(StationNode):
             seconds_from_stamp(message.header.stamp),
             self.parameters.value("designate").noise,
         )
+        # A receiver that states its errors knows them better than the parameters do.
         if message.position_covariance_type != NavSatFix.COVARIANCE_TYPE_UNKNOWN:
             east, north, up = np.sqrt(np.diag(np.reshape(message.position_covariance, (3, 3)))).tolist()
             noise = noise.replace(horizontal_m=max(east, north, 0.1), vertical_m=max(up, 0.1))

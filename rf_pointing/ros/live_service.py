@@ -27,7 +27,7 @@ from rf_pointing.ros.repeated_call import RepeatedCall
 from rf_pointing.ros.stamps import seconds_from_stamp
 from rf_pointing.ros.station_run import GraphRun
 from rf_pointing.station.antenna.modes import BRAKE, RELEASE
-from rf_pointing.station.clients.service import ServiceDesk
+from rf_pointing.station.service.keeper import ServiceDesk
 
 STEP_S, KEEP_S, REPORT_S = 1.0, 600.0, 1.0
 LEVEL_AGE_S = 3.0
@@ -89,6 +89,7 @@ class LiveService:
         self._go_on(t_s)
         if t_s - self._stepped_s < STEP_S:
             return
+        # Simulated time may run many times faster than this loop.
         self._stepped_s = t_s
         assert self._status is not None
         moving = bool(self._steps) or self._call is not None or self._status.mode != AntennaStatus.MODE_DISABLED
@@ -109,6 +110,7 @@ class LiveService:
     def _move(self, t_s: float, goal: tuple[float, float]) -> None:
         assert self._joints is not None
         azimuth = nearest_turn_rad(goal[0], float(self._joints.position_rad[0]))
+        # The nearest turn of the cables that the travel allows.
         low, high = self._limits.azimuth_min_rad, self._limits.azimuth_max_rad
         turns = math.ceil((low - azimuth) / math.tau) if azimuth < low else -math.ceil((azimuth - high) / math.tau)
         azimuth += math.tau * turns if not low <= azimuth <= high else 0.0

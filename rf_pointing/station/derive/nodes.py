@@ -132,7 +132,7 @@ def ephemeris_publisher(of: Band) -> Derived:
 def target_designate(of: Band) -> Derived:
     """Targets without an orbit, as others report them."""
     from rf_pointing.ephemeris.sites import Site
-    from rf_pointing.station.pointing.designated import DesignateParams
+    from rf_pointing.station.designated.target import DesignateParams
 
     begin = Value(pass_elevation_deg(of.content), "mount.pass_elevation_deg")
     at_origin = Site.from_degrees(0.0, 0.0, 0.0)

@@ -206,6 +206,7 @@ class PassPlan:
         Of an orbit whatever is left of a pass is worth having; a rocket near its pad would drag
         the antenna behind it.
         """
+        # The crossing of a certificate knows slow azimuths only; here either axis may be too slow.
         fine = profile.resampled()
         assert branch.axes_rad is not None
         ahead = fine.t_s >= t_s
@@ -241,7 +242,9 @@ class PassPlan:
             return window
         if not found.t_s[0] <= t_s < window.los_t_s < found.t_s[-1]:
             return window
+        # Judged once, whatever comes of it: the next one comes within seconds.
         self._judged = found
+        # What is behind needs no certificate any more.
         piece = found.between(t_s, float(found.t_s[-1]))
         # On the turn of the pass in hand, however often the target has gone round the station.
         before = float(np.interp(t_s, self.profile.t_s, self.profile.position_rad[:, 0]))

@@ -7,21 +7,22 @@ from typing import Any
 
 import numpy as np
 import pytest
-
 from rf_pointing.api.service import make_desk, make_service, stays
 from rf_pointing.api.station import Station
 from rf_pointing.api.target import Target
 from rf_pointing.core import angular_distance_rad, gaussian_loss_db
 from rf_pointing.core.dates import parse_utc
 from rf_pointing.core.whole_file import KeptState
-from rf_pointing.station.clients.service import Service, ServiceDesk, ServiceParams
-from rf_pointing.tracking.sidereal import SIDEREAL_DAY_S, SiderealMotion
+from rf_pointing.station.service.keeper import Service, ServiceDesk, ServiceParams
+from rf_pointing.station.service.sidereal import SIDEREAL_DAY_S, SiderealMotion
 
 WIDTH_RAD, T_S, BASE = math.radians(0.25), 1.8e9, (3.0, 0.6)
 W = math.tau / SIDEREAL_DAY_S
 
 
-def service(swing_deg: float = 0.0, sun: Callable[[float], Any] = lambda _t_s: None, name: str = "GEO") -> Service:
+def service(
+    swing_deg: float = 0.0, sun: Callable[[float], Any] = lambda _t_s: None, name: str = "GEO"
+) -> Service:
     """Return a service of a target that is known: it swings in elevation, fastest at the start."""
     motion = SiderealMotion(WIDTH_RAD, 1e-5, 1e-5, t_s=T_S)
     motion.mean[:] = 0.0
@@ -132,7 +133,9 @@ def test_bodies_are_services_by_their_tracks_and_do_not_stay(tmp_path: Path) -> 
         subject = make_service(station, target, t_s)
         for later_s in (0.0, 7200.0):
             seen = track.target_at(t_s + later_s)
-            apart = angular_distance_rad(*subject.direction(t_s + later_s), seen.azimuth_rad, seen.elevation_rad)
+            apart = angular_distance_rad(
+                *subject.direction(t_s + later_s), seen.azimuth_rad, seen.elevation_rad
+            )
             assert apart < 1e-6
     desk = make_desk(station, [Target(satellite="Moon")], [0.0], t_s, tmp_path / "state.json")
     assert desk.active(t_s).name == "Moon"

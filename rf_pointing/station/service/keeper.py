@@ -2,7 +2,7 @@
 
 The antenna rests while its target drifts through the beam, and moves on when it is `hold_beams` off
 the axis, to where it may rest longest.  Every move is a measurement: the level before it and after
-it tells where the target is (`tracking/sidereal.py`).  Where that is not enough, a peak is taken:
+it tells where the target is (`sidereal.py`).  Where that is not enough, a peak is taken:
 three short moves, one axis after the other, as often as the covariance requires.  What is learned
 carries the service through loss of the beacon and the Sun's noise.
 
@@ -22,7 +22,7 @@ from rf_pointing.core import Params, angular_distance_rad, parameter
 from rf_pointing.core.dates import DAY_S as DAY_LENGTH_S
 from rf_pointing.core.types import Array, Pair
 from rf_pointing.core.whole_file import KeptState
-from rf_pointing.tracking.sidereal import Sample, SiderealMotion
+from rf_pointing.station.service.sidereal import Sample, SiderealMotion
 
 # Times at which a resting place is tried: close together at first, for fast targets.
 AHEAD_S = np.geomspace(5.0, 6.0 * 3600.0, 120)
@@ -40,15 +40,25 @@ REFERENCE_SHARE = 0.02
 class ServiceParams(Params):
     """How closely a service holds its target, and how often it looks where that is."""
 
-    hold_beams: float = parameter(0.18, "target off the axis at which the antenna moves", low=0.02, high=0.5)
+    hold_beams: float = parameter(
+        0.18, "target off the axis at which the antenna moves", low=0.02, high=0.5
+    )
     peak_beams: float = parameter(0.25, "length of the moves of a peak", low=0.05, high=0.5)
-    sigma_beams: float = parameter(0.06, "uncertainty of the target at which a peak is taken", low=0.01, high=0.3)
+    sigma_beams: float = parameter(
+        0.06, "uncertainty of the target at which a peak is taken", low=0.01, high=0.3
+    )
     shortest_s: float = parameter(60.0, "least time between two peaks", low=10.0, high=86400.0)
     longest_s: float = parameter(21600.0, "longest time between two peaks", low=60.0, high=864000.0)
-    settle_s: float = parameter(3.0, "time from the end of a move to the first level that counts", low=0.0, high=60.0)
+    settle_s: float = parameter(
+        3.0, "time from the end of a move to the first level that counts", low=0.0, high=60.0
+    )
     measure_s: float = parameter(12.0, "time over which a level is averaged", low=1.0, high=600.0)
-    level_db: float = parameter(0.15, "one sigma of a difference of levels: noise and weather", low=0.01, high=3.0)
-    lost_db: float = parameter(8.0, "level below the usual one at which the beacon counts as lost", low=3.0, high=40.0)
+    level_db: float = parameter(
+        0.15, "one sigma of a difference of levels: noise and weather", low=0.01, high=3.0
+    )
+    lost_db: float = parameter(
+        8.0, "level below the usual one at which the beacon counts as lost", low=3.0, high=40.0
+    )
 
     ordered = ("shortest_s <= longest_s",)
 
@@ -87,7 +97,9 @@ class Service:
         """Return the apparent direction (2,) in which the target is believed."""
         return self._direction(t_s, self.motion.at(t_s))
 
-    def step(self, t_s: float, axes_rad: Pair, level_db: float | None, *, moving: bool = False) -> Pair | None:
+    def step(
+        self, t_s: float, axes_rad: Pair, level_db: float | None, *, moving: bool = False
+    ) -> Pair | None:
         """Return where the beam shall go, None while it stays.
 
         Parameters
@@ -102,6 +114,7 @@ class Service:
             self._levels.clear()
             self._moved_s = t_s
             return None
+        # The Sun raises the noise, not the loss: levels would teach a wrong direction.
         outage = self._in_sun(t_s)
         seen = not outage and self._seen(level_db)
         if t_s - self._moved_s >= self.params.settle_s:
@@ -113,13 +126,18 @@ class Service:
                 self._levels.popleft()
         here = self._sample(beam)
         if self._before is not None or self._steps:
-            if seen and here is None and t_s - self._moved_s < self.params.settle_s + 2.0 * self.params.measure_s:
+            if (
+                seen
+                and here is None
+                and t_s - self._moved_s < self.params.settle_s + 2.0 * self.params.measure_s
+            ):
                 self.state = "measures"
                 return None
             if self._before is not None and here is not None:
                 # Azimuths are narrower where the beam is higher than its base direction.
                 stretch = np.array([math.cos(axes_rad[1]) / math.cos(base[1]), 1.0])
                 self.learned |= self.motion.learn(self._before, here, stretch, self.params.level_db)
+            # Without a level on either side a move has measured nothing.
             self._before = None
             if self._steps and seen:
                 return self._go(t_s, beam, beam + self._steps.pop(0), here)
@@ -135,16 +153,20 @@ class Service:
         self.state = "rests" if seen else f"rests {kept}"
         if not np.any(off > self._hold_rad(t_s)):
             return None
-        return self._go(t_s, beam, np.where(off > self._hold_rad(t_s), self._resting(t_s), beam), here)
+        return self._go(
+            t_s, beam, np.where(off > self._hold_rad(t_s), self._resting(t_s), beam), here
+        )
 
     def _peak(self, t_s: float, beam: Array, target: Array, here: Sample) -> Pair:
         """Move one axis across the target, then the other, then both to where the beam may rest."""
+        # Towards the target, so that the peak is on the way and the loss of it the smaller.
         length = self.params.peak_beams * self.motion.half_power_beamwidth_rad
         across = np.where(target >= beam, length, -length)
         self._steps = [np.array([0.0, across[1]]), self._resting(t_s) - beam - across]
         return self._go(t_s, beam, beam + np.array([across[0], 0.0]), here)
 
     def _go(self, t_s: float, beam: Array, goal: Array, here: Sample | None) -> Pair:
+        # Each axis has a motor of its own: it starts only where it moves.
         self.starts += np.abs(goal - beam) > 1e-3 * self.motion.half_power_beamwidth_rad
         self._before, self._moved_s, self._goal = here, t_s, goal
         self._levels.clear()
@@ -175,7 +197,9 @@ class Service:
             speed = np.abs(np.diff(self.motion.at(t_s + DAY_S), axis=0)).sum(axis=0)
             share = np.cbrt(np.maximum(speed, FEWEST_WIDTHS_A_DAY * width_rad))
             self._shared_s = t_s
-            self._hold = self.params.hold_beams * width_rad * share * math.sqrt(2.0 / float(share @ share))
+            self._hold = (
+                self.params.hold_beams * width_rad * share * math.sqrt(2.0 / float(share @ share))
+            )
         return self._hold
 
     def _sigma_beams(self, t_s: float) -> float:
@@ -188,6 +212,7 @@ class Service:
             return False
         if self._usual_db is None:
             self._usual_db = level_db
+        # A fade of the weather is less than this; beyond it nothing of the target is left.
         if level_db < self._usual_db - self.params.lost_db:
             return False
         self._usual_db += REFERENCE_SHARE * (level_db - self._usual_db)
@@ -224,7 +249,9 @@ class ServiceDesk:
     What they have learned is kept in a state file.
     """
 
-    def __init__(self, services: Sequence[Service], hours: Sequence[float], state: KeptState) -> None:
+    def __init__(
+        self, services: Sequence[Service], hours: Sequence[float], state: KeptState
+    ) -> None:
         self._rows = sorted(zip(hours, services, strict=True), key=lambda row: row[0])
         if len({hour for hour, _ in self._rows}) < len(self._rows):
             raise ValueError(f"hours={list(hours)} must differ: one satellite is served at a time")
@@ -237,5 +264,7 @@ class ServiceDesk:
 
     def keep(self) -> str:
         """Write what was learned; return why that is not possible, "" if it was."""
-        self._state.keep({**self._state.recover(), **{each.name: each.values for _, each in self._rows}})
+        self._state.keep(
+            {**self._state.recover(), **{each.name: each.values for _, each in self._rows}}
+        )
         return self._state.problem

@@ -99,6 +99,7 @@ class SiderealMotion:
             apart = (self.at(one.t_s) - one.beam_rad) * stretch
             expected += sign * slope * float(apart @ apart)
             row += sign * 2.0 * slope * (apart * stretch) @ _rows(one.t_s)
+        # Only the difference counts: rain and gain are the same in both levels.
         innovation = (before.level_db - after.level_db) - expected
         variance = float(row @ self.covariance @ row) + sigma_db**2
         if innovation**2 > GATE_SIGMAS**2 * variance:
@@ -119,6 +120,7 @@ class SiderealMotion:
     def place(self, t_s: float, offset_rad: Array, sigma_rad: float) -> None:
         """Take the target to be at an offset (2,) at a time, to `sigma_rad`."""
         assert self.covariance is not None
+        # The same update for both offsets at once.
         rows = _rows(t_s)
         shared = rows @ self.covariance
         gain = np.linalg.solve(shared @ rows.T + sigma_rad**2 * np.eye(2), shared).T
@@ -133,7 +135,9 @@ class SiderealMotion:
 
     def restore(self, kept: dict[str, Any]) -> None:
         """Take what was kept; ValueError for numbers that cannot be a covariance."""
-        mean, covariance = (np.array(kept.get(name), dtype=np.float64) for name in ("mean", "covariance"))
+        mean, covariance = (
+            np.array(kept.get(name), dtype=np.float64) for name in ("mean", "covariance")
+        )
         if mean.shape != (2 * TERMS,) or covariance.shape != (2 * TERMS, 2 * TERMS):
             raise ValueError(f"mean and covariance must have {2 * TERMS} rows")
         if not (np.isfinite(mean).all() and np.isfinite(covariance).all()):
@@ -151,9 +155,13 @@ def _terms(mean_rad: float, swing_rad: float) -> Array:
 
 def _waves(times: Array | float) -> Array:
     """Return the terms (..., TERMS) of one axis at times (...)."""
-    phase = np.multiply.outer(np.asarray(times) * (math.tau / SIDEREAL_DAY_S), np.arange(1, HARMONICS + 1))
+    phase = np.multiply.outer(
+        np.asarray(times) * (math.tau / SIDEREAL_DAY_S), np.arange(1, HARMONICS + 1)
+    )
     ones = np.ones((*np.shape(times), 1))
-    pairs = np.stack([np.cos(phase), np.sin(phase)], axis=-1).reshape(*np.shape(times), 2 * HARMONICS)
+    pairs = np.stack([np.cos(phase), np.sin(phase)], axis=-1).reshape(
+        *np.shape(times), 2 * HARMONICS
+    )
     return np.concatenate([ones, pairs], axis=-1)
 
 

@@ -52,13 +52,21 @@ class DesignateParams(Params):
         "mavlink:ADDRESS:PORT, each with /NAME for one target only; or table:FILE; empty: topics",
     )  # fmt: skip
     kind: str = parameter("aircraft", "balloon, aircraft, rocket or ship", choices=tuple(CLASSES))
-    target: str = parameter("", "name of the target in the reports that is selected at the start; empty: by service")
+    target: str = parameter(
+        "", "name of the target in the reports that is selected at the start; empty: by service"
+    )
     fused: bool = parameter(False, "all reports are of one target, whatever they name it")
-    latency_s: float = parameter(0.0, "time from a place to the arrival of its report", low=0.0, high=60.0)
+    latency_s: float = parameter(
+        0.0, "time from a place to the arrival of its report", low=0.0, high=60.0
+    )
     noise: ReportNoise = parameter(ReportNoise(), "errors of the reports")
     period_s: float = parameter(0.1, "time between two targets", low=0.02, high=10.0)
-    lead_s: float = parameter(2.0, "how far ahead of its time a target is published", low=0.0, high=60.0)
-    mask_rad: float = parameter(math.radians(5.0), "elevation at which a target rises and sets", low=0.0, high=1.5)
+    lead_s: float = parameter(
+        2.0, "how far ahead of its time a target is published", low=0.0, high=60.0
+    )
+    mask_rad: float = parameter(
+        math.radians(5.0), "elevation at which a target rises and sets", low=0.0, high=1.5
+    )
 
 
 class ReportSource(LineSource):
@@ -71,7 +79,9 @@ class ReportSource(LineSource):
         self._decoder: Decoder = DECODERS[kind](params.noise)
         host, _, port = place.rpartition(":")
         if not host or not port.isdecimal():
-            raise ValueError(f"designate.source={address!r} must be {kind}:HOST:PORT, or {kind}:HOST:PORT/NAME")
+            raise ValueError(
+                f"designate.source={address!r} must be {kind}:HOST:PORT, or {kind}:HOST:PORT/NAME"
+            )
         link = SourceLinkParams(host=host, port=int(port), silence_s=LONGEST_SILENCE_S)
         super().__init__(SignalReceiverParams(type=kind, link=link), now_s)
         self._latency_s = params.latency_s
@@ -142,7 +152,9 @@ class DesignatedTarget:
         if name not in self._filters:
             if len(self._filters) >= MOST_HEARD:
                 self._forget(report.t_s)
-            self._filters[name] = MotionFilter(self._kind, self.params.noise.velocity_m_s, self.params.noise.time_s)
+            self._filters[name] = MotionFilter(
+                self._kind, self.params.noise.velocity_m_s, self.params.noise.time_s
+            )
         if why := self._filters[name].take(report):
             self.refused[why] += 1
 
@@ -154,7 +166,9 @@ class DesignatedTarget:
 
         kept = {name: each for name, each in self._filters.items() if recent(each)}
         kept = {} if len(kept) >= MOST_HEARD else kept
-        self._filters = kept | {name: self._filters[name] for name in (self._selected,) if name in self._filters}
+        self._filters = kept | {
+            name: self._filters[name] for name in (self._selected,) if name in self._filters
+        }
 
     @property
     def known(self) -> list[str]:
@@ -166,7 +180,9 @@ class DesignatedTarget:
         for source in self.sources:
             for report in source.step():
                 self.take(report)
-        if self._wanted and (self._table or self._wanted in self.known or (self.params.fused and self.known)):
+        if self._wanted and (
+            self._table or self._wanted in self.known or (self.params.fused and self.known)
+        ):
             self.select(f"{DESIGNATED} {self._wanted}", now_s)
         found = self._filters.get(self._selected)
         if not isinstance(self._path, DesignatedPath) or found is None:
@@ -185,24 +201,36 @@ class DesignatedTarget:
 
         `words` are `designated NAME`; without a name the only one that is known.
         """
+        # Fused reports have one name, whatever their sources call it.
         first, _, name = words.strip().partition(" ")
         if first != DESIGNATED:
             raise ValueError(f"target={words!r} must begin with {DESIGNATED}")
         if self._table is not None:
             self._follow("", f"{DESIGNATED} {name or self._table.name}", self._table)
         else:
-            name = "" if self.params.fused else name or (self.known[0] if len(self.known) == 1 else "")
+            name = (
+                "" if self.params.fused else name or (self.known[0] if len(self.known) == 1 else "")
+            )
             found = self._filters.get(name)
             if found is None or found.state is None:
                 known = ", ".join(self.known[:20]) or "nothing"
-                why = f"{found.lost}; two new reports must agree" if found else "two reports must agree first"
+                why = (
+                    f"{found.lost}; two new reports must agree"
+                    if found
+                    else "two reports must agree first"
+                )
                 raise ValueError(f"{words.strip()!r} is not known: {why}; known: {known}")
             label = name or self.params.target or self.params.kind
-            self._follow(name, f"{DESIGNATED} {label}", DesignatedPath(f"{DESIGNATED} {label}", found.state))
+            self._follow(
+                name, f"{DESIGNATED} {label}", DesignatedPath(f"{DESIGNATED} {label}", found.state)
+            )
         passes = self._show_passes(now_s)
         if not passes:
             self._track = None
-            raise ValueError(f"{words.strip()!r} is below the horizon of the station, and stays there")
+            raise ValueError(
+                f"{words.strip()!r} is below the horizon of the station, and stays there"
+            )
+        # Chosen once: a name that is lost and comes back must not move the antenna by itself.
         self._wanted = ""
         return passes
 
@@ -220,7 +248,11 @@ class DesignatedTarget:
         every = find_passes(track, start_s, end_s - start_s, self._horizon)
         passes = [each for each in every if each.los_t_s > now_s]
         if passes:
-            self._until_s = max(self._until_s, passes[-1].los_t_s) if self._table is None else passes[-1].los_t_s
+            self._until_s = (
+                max(self._until_s, passes[-1].los_t_s)
+                if self._table is None
+                else passes[-1].los_t_s
+            )
             self._show(passes, [pass_profile(track, window) for window in passes])
         return passes
 
@@ -237,8 +269,14 @@ class DesignatedTarget:
     def target_at(self, now_s: float) -> tuple[Target, SkyUncertainty] | None:
         """Return what is published at `now_s`, None for no target and beyond its pass."""
         t_s = round(now_s + self.params.lead_s, 6)
-        if self._track is None or self._path is None or t_s > self._until_s or not self._track.covers(t_s):
+        if (
+            self._track is None
+            or self._path is None
+            or t_s > self._until_s
+            or not self._track.covers(t_s)
+        ):
             return None
+        # The path up to here has been sent out, and stays as it is.
         self._published_s = t_s
         age_s = t_s - self._path.state.t_s if isinstance(self._path, DesignatedPath) else 0.0
         uncertainty = place_uncertainty(self._track, t_s, self._path.covariance_m2(t_s), age_s)
@@ -259,5 +297,7 @@ class DesignatedTarget:
         found = self._filters.get(self._selected)
         if found is not None and found.state is not None and self._track is not None:
             values["report_age_s"] = round(now_s - found.state.t_s, 2)
-        words = "; ".join(problems) or (self._track.name if self._track else "no target is selected")
+        words = "; ".join(problems) or (
+            self._track.name if self._track else "no target is selected"
+        )
         return Health(Level.WARN if problems else Level.OK, words, values)

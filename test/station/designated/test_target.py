@@ -7,13 +7,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-
 from rf_pointing.core import JointReading
 from rf_pointing.core.pass_outcome import LOSS_OF_SIGNAL
 from rf_pointing.designate import Report
 from rf_pointing.ephemeris import SITES
 from rf_pointing.planning import AxisLimits, HorizonMask
-from rf_pointing.station.pointing.designated import DesignatedTarget, DesignateParams
+from rf_pointing.station.designated.target import DesignatedTarget, DesignateParams
 
 SITE, T_S, NAME = SITES["Goldstone DSS-13"], 1.8e9, "designated 3C6444"
 MakeController = Callable[..., Any]
@@ -43,14 +42,20 @@ class Led:
             self.controller.take_profiles(profiles)
 
     def report(self, t_s: float, away_m: Any = (0.0, 0.0, 0.0), name: str = "3C6444") -> None:
-        place = np.array(SITE.position_m) + (np.array(self.truth(t_s - T_S)) + away_m) @ np.array(SITE.axes)
-        self.target.take(Report(t_s=t_s, name=name, position_m=place, covariance_m2=400.0 * np.eye(3)))
+        place = np.array(SITE.position_m) + (np.array(self.truth(t_s - T_S)) + away_m) @ np.array(
+            SITE.axes
+        )
+        self.target.take(
+            Report(t_s=t_s, name=name, position_m=place, covariance_m2=400.0 * np.eye(3))
+        )
 
     def true_rad(self, t_s: float) -> tuple[float, float]:
         east, north, up = self.truth(t_s - T_S)
         return math.atan2(east, north), math.atan2(up, math.hypot(east, north))
 
-    def run(self, seconds: float, away_m: Any = (0.0, 0.0, 0.0), *, reports: bool = True) -> list[float]:
+    def run(
+        self, seconds: float, away_m: Any = (0.0, 0.0, 0.0), *, reports: bool = True
+    ) -> list[float]:
         """Report once a second and step ten times; return how far the axes are off the truth [rad]."""
         apart = []
         for _ in range(round(10.0 * seconds)):
@@ -65,7 +70,9 @@ class Led:
                     self.latest.velocity_rad_s[row],
                 )
             core = self.controller
-            core.take_joints(JointReading(t_s=self.t_s, position_rad=self.axes_rad, velocity_rad_s=self.rate))
+            core.take_joints(
+                JointReading(t_s=self.t_s, position_rad=self.axes_rad, velocity_rad_s=self.rate)
+            )
             if (found := self.target.target_at(self.t_s)) is not None:
                 core.take_target(found[0])
             self.latest = core.step(self.t_s)[0] or self.latest
@@ -77,9 +84,13 @@ class Led:
     def begin(self) -> None:
         """Select the target, let the axes stand at it, and start its pass."""
         (window,) = self.target.select(NAME, self.t_s)
-        self.axes_rad = np.array([math.remainder(window.aos_azimuth_rad, math.tau), window.aos_elevation_rad])
+        self.axes_rad = np.array(
+            [math.remainder(window.aos_azimuth_rad, math.tau), window.aos_elevation_rad]
+        )
         core = self.controller
-        core.take_joints(JointReading(t_s=self.t_s, position_rad=self.axes_rad, velocity_rad_s=np.zeros(2)))
+        core.take_joints(
+            JointReading(t_s=self.t_s, position_rad=self.axes_rad, velocity_rad_s=np.zeros(2))
+        )
         core.start(self.t_s, window, "program")
 
 
@@ -97,7 +108,9 @@ def flying_by(t: float) -> tuple[float, float, float]:
 
 def test_nothing_is_published_and_nothing_selected_before_two_reports_agree() -> None:
     led = Led(flying_by)
-    with pytest.raises(ValueError, match="'designated 3C6444' is not known: two reports must agree first"):
+    with pytest.raises(
+        ValueError, match="'designated 3C6444' is not known: two reports must agree first"
+    ):
         led.target.select(NAME, T_S)
     led.report(T_S + 1.0)
     led.report(T_S + 2.0, away_m=(0.0, 0.0, 4e4))
@@ -190,7 +203,9 @@ def test_a_rocket_near_its_pad_is_refused_with_what_it_needs(
     assert led.latest is None
 
 
-def test_a_table_has_the_certificate_of_its_whole_flight(tmp_path: Path, make_controller: MakeController) -> None:
+def test_a_table_has_the_certificate_of_its_whole_flight(
+    tmp_path: Path, make_controller: MakeController
+) -> None:
     file = tmp_path / "flight.csv"
     rows = [f"{T_S + t},{20.0 + 0.2 * t},{10.0 + 0.1 * t}" for t in range(300)]
     file.write_text("\n".join(["time,azimuth_deg,elevation_deg", *rows]))
@@ -224,7 +239,9 @@ def test_an_address_that_cannot_be_is_refused(params: dict[str, Any], said: str)
 @pytest.mark.parametrize("age_s", [-3600.0, 11.0, math.nan])
 def test_a_report_with_another_time_is_refused(age_s: float) -> None:
     led = Led(flying_by)
-    late = Report(t_s=T_S - age_s, name="fix", position_m=np.array(SITE.position_m), covariance_m2=np.eye(3))
+    late = Report(
+        t_s=T_S - age_s, name="fix", position_m=np.array(SITE.position_m), covariance_m2=np.eye(3)
+    )
     with pytest.raises(ValueError, match="old by the station's clock"):
         led.target.take_stamped(late, T_S)
 

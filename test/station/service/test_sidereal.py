@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-
 from rf_pointing.core import gaussian_loss_db
-from rf_pointing.tracking.sidereal import SIDEREAL_DAY_S, TERMS, Sample, SiderealMotion
+from rf_pointing.station.service.sidereal import SIDEREAL_DAY_S, TERMS, Sample, SiderealMotion
 
 WIDTH_RAD, T_S = math.radians(0.25), 1.8e9
 EVEN = np.ones(2)
@@ -39,12 +38,18 @@ def pair(
     for number, place in enumerate(places):
         at_s = t_s + 30.0 * number
         loss_db = float(gaussian_loss_db(np.linalg.norm(truth.at(at_s) - place), WIDTH_RAD))
-        found.append(Sample(at_s, place, weather_db - loss_db + random.normal(0.0, sigma_db / math.sqrt(2.0))))
+        found.append(
+            Sample(
+                at_s, place, weather_db - loss_db + random.normal(0.0, sigma_db / math.sqrt(2.0))
+            )
+        )
     return found
 
 
 @pytest.mark.parametrize("swing_deg", [0.05, 1.0, 6.0])
-def test_a_planted_motion_is_found_from_levels_of_any_strength(random: np.random.Generator, swing_deg: float) -> None:
+def test_a_planted_motion_is_found_from_levels_of_any_strength(
+    random: np.random.Generator, swing_deg: float
+) -> None:
     """Two days, six differences an hour near the target: the third day to a tenth of a beamwidth."""
     truth, found = planted(random, swing_deg), made(swing_deg)
     found.place(T_S, truth.at(T_S), 0.1 * WIDTH_RAD)
@@ -56,7 +61,9 @@ def test_a_planted_motion_is_found_from_levels_of_any_strength(random: np.random
         middle = found.at(t_s)
         for axis in range(2):
             step = 0.15 * WIDTH_RAD * np.eye(2)[axis]
-            found.learn(*pair(truth, t_s, np.array([middle - step, middle + step]), random, 0.1), EVEN, 0.1)
+            found.learn(
+                *pair(truth, t_s, np.array([middle - step, middle + step]), random, 0.1), EVEN, 0.1
+            )
     later = T_S + SIDEREAL_DAY_S * np.linspace(2.0, 3.0, 200)
     off = np.linalg.norm(found.at(later) - truth.at(later), axis=1)
     assert np.max(off) < 0.1 * WIDTH_RAD
@@ -84,7 +91,9 @@ def test_a_manoeuvre_is_seen_and_learned_anew(random: np.random.Generator) -> No
         middle = found.at(t_s)
         for axis in range(2):
             step = 0.15 * WIDTH_RAD * np.eye(2)[axis]
-            found.learn(*pair(truth, t_s, np.array([middle - step, middle + step]), random, 0.1), EVEN, 0.1)
+            found.learn(
+                *pair(truth, t_s, np.array([middle - step, middle + step]), random, 0.1), EVEN, 0.1
+            )
         if number == 299:
             assert found.manoeuvres == 0
     assert found.manoeuvres >= 1
