@@ -188,8 +188,7 @@ def serve(client: StationClient, targets: Sequence[str], hours: Sequence[float],
     now_s = seconds_from_stamp(client.newest["antenna_status"].header.stamp)
     names = [Target(location=elements, satellite=name) for name in targets]
     client.select(targets[0])
-    state = state_folder() / f"services-{id_of(mine.name)}.json"
-    desk = make_desk(mine, names, hours, now_s, state)
+    desk = make_desk(mine, names, hours, now_s, state_folder() / f"services-{id_of(mine.name)}.json")
     LiveService(client, desk, mine.controller.limits, mine.lowest_rad, client.key()).serve()
     return True
 

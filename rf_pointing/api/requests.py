@@ -298,8 +298,7 @@ class DesignateRequest(RunRequest):
 
         ValueError for what target_designate would refuse.
         """
-        nowhere = HorizonMask(), lambda *_: None, time.time
-        first_s = DesignatedTarget(self.params, self.station.site, *nowhere).first_s
+        first_s = DesignatedTarget(self.params, self.station.site, HorizonMask(), lambda *_: None, time.time).first_s
         return math.floor(time.time() if first_s is None else first_s - SLEW_TIME_S)
 
 

@@ -64,9 +64,9 @@ def designated(**given: Any) -> DesignateRequest:
     usual = vars(arguments().parse_args([]))
     for name in ("start_s", "mask_deg", "min_peak_deg", "scan_sigma_mdeg"):
         if given.pop(name) != usual[name]:
-            raise ValueError(f"{name.rpartition('_')[0]} is for a satellite, not for --designate")
+            raise ValueError(f"{name.rpartition('_')[0]} is for a satellite, and --designate leads to another target")
     if given.pop("target") != Target():
-        raise ValueError("elements and satellite are not for --designate")
+        raise ValueError("elements and satellite are given, and --designate leads to another target")
     address, kind = [*given.pop("designate"), "aircraft"][:2]
     return DesignateRequest(**given, designate=address, kind=kind)
 

@@ -92,8 +92,7 @@ class LiveService:
         # Simulated time may run many times faster than this loop.
         self._stepped_s = t_s
         assert self._status is not None
-        rests = self._status.mode == AntennaStatus.MODE_DISABLED
-        moving = bool(self._steps) or self._call is not None or not rests
+        moving = bool(self._steps) or self._call is not None or self._status.mode != AntennaStatus.MODE_DISABLED
         level_s, level_db = self._level
         level = level_db if t_s - level_s <= LEVEL_AGE_S and level_db > 0.0 else None
         azimuth, elevation = joints.position_rad.tolist()
@@ -113,9 +112,7 @@ class LiveService:
         azimuth = nearest_turn_rad(goal[0], float(self._joints.position_rad[0]))
         # The nearest turn of the cables that the travel allows.
         low, high = self._limits.azimuth_min_rad, self._limits.azimuth_max_rad
-        turns = math.ceil((low - azimuth) / math.tau)
-        if azimuth > high:
-            turns = -math.ceil((azimuth - high) / math.tau)
+        turns = math.ceil((low - azimuth) / math.tau) if azimuth < low else -math.ceil((azimuth - high) / math.tau)
         azimuth += math.tau * turns if not low <= azimuth <= high else 0.0
         request = GoTo.Request(azimuth=azimuth, elevation=goal[1])
         self._steps = [(RELEASE, Trigger.Request()), ("go_to", request), (BRAKE, Trigger.Request())]
@@ -145,8 +142,7 @@ class LiveService:
         if name not in self._clients:
             kind = GoTo if name == "go_to" else Trigger
             self._clients[name] = self._caller.client(kind, f"{OWNER}/{name}")
-        signed = self._caller.request(f"{OWNER}/{name}", request)
-        self._call = RepeatedCall(self._clients[name], signed)
+        self._call = RepeatedCall(self._clients[name], self._caller.request(f"{OWNER}/{name}", request))
         self._call.done()
 
     def _arrived(self) -> bool:
@@ -162,8 +158,7 @@ class LiveService:
     def _report(self, t_s: float) -> None:
         service = self._desk.active(t_s)
         starts = f"{service.starts.sum()} starts, {service.peaks} peaks"
-        words = f"service of {service.name}: {service.state}; {starts}"
-        words += f"; {self._why}" if self._why else ""
+        words = f"service of {service.name}: {service.state}; {starts}" + (f"; {self._why}" if self._why else "")
         self._line.show(lambda: words)
         if time.monotonic() - self._reported_s < REPORT_S:
             return

@@ -406,8 +406,7 @@ class StationClient(GraphRun):
 
     def select(self, target: str) -> None:
         """Make a target that of the ephemeris, so that its receivers know what to expect."""
-        request = SelectTarget.Request(target=target)
-        answer = self._call(SelectTarget, "ephemeris_publisher/select_target", request)
+        answer = self._call(SelectTarget, "ephemeris_publisher/select_target", SelectTarget.Request(target=target))
         if not answer.success:
             raise ValueError(answer.message)
 
