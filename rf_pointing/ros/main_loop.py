@@ -41,7 +41,7 @@ NICER = -10
 HUNG_S = 120.0
 """Longest time for one thing of a node; to read 32 MiB of elements takes 15 s."""
 WRITTEN_S = 15.0
-STARTED_S, ENDED_S = 30.0, 20.0
+START_OR_END_S = 60.0
 """Longest making of the nodes of a process, and its longest end with the stop of what it moves."""
 DEAF = 3
 """Exit code of a node that no longer receives."""
@@ -293,7 +293,7 @@ class HangWatch:
 
     def begin(self) -> None:
         """Give the start of nodes its time: damaged datagrams can hang one that is being made."""
-        self._arm(min(STARTED_S, self._patience_s))
+        self._arm(min(START_OR_END_S, self._patience_s))
 
     def come_round(self) -> None:
         """Note that the loop works; each second is often enough."""
@@ -316,7 +316,7 @@ class HangWatch:
 
     def begin_end(self) -> None:
         """Give the end of nodes and process its time; Python itself ends the watch."""
-        self._patience_s = min(ENDED_S, self._patience_s)
+        self._patience_s = min(START_OR_END_S, self._patience_s)
         self._arm(self._patience_s)
 
 

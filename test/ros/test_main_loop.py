@@ -320,7 +320,7 @@ def test_a_write_that_hangs_ends_the_process_sooner() -> None:
 )
 def test_a_start_or_an_end_that_hangs_ends_the_process_and_one_in_time_has_its_own_code(phase: str) -> None:
     code = (
-        "import sys, time\nfrom rf_pointing.ros import main_loop\nmain_loop.STARTED_S = main_loop.ENDED_S = 1.0\n"
+        "import sys, time\nfrom rf_pointing.ros import main_loop\nmain_loop.START_OR_END_S = 1.0\n"
         f"watch = main_loop.HangWatch()\n{phase}\ntime.sleep(float(sys.argv[1]))\nsys.exit(3)\n"
     )
     for seconds, status in (("0", 3), ("60", 1)):
