@@ -12,7 +12,6 @@ from rf_pointing.core.modes import Sensor
 from rf_pointing.core.parameters import flat
 from rf_pointing.planning.horizon import HorizonMask
 from rf_pointing.station import parameters as own
-from rf_pointing.station.derive import axes
 from rf_pointing.station.derive.band import Band, Derived, nearest_within, pass_elevation_deg
 from rf_pointing.station.description.content import (
     VERSION,
@@ -38,7 +37,7 @@ def antenna_servo(of: Band) -> Derived:
     """The antenna's control unit, and the truth of a simulated one."""
     from rf_pointing.station.antenna.operation import ServoNodeParams
     from rf_pointing.station.antenna.simulated_antenna import AntennaParams
-    from rf_pointing.station.derive import watches
+    from rf_pointing.station.derive import axes, watches
     from rf_pointing.station.derive.plants import plant_and_loops
 
     simulation = of.content.simulation
@@ -81,7 +80,7 @@ def antenna_servo(of: Band) -> Derived:
 
 def pointing_controller(of: Band) -> Derived:
     """The pointing controller."""
-    from rf_pointing.station.derive import array, loop, watches
+    from rf_pointing.station.derive import array, axes, loop, watches
     from rf_pointing.station.derive.signal import link
     from rf_pointing.station.pointing.certificates import StoreParams
     from rf_pointing.station.pointing.params import ControllerParams
@@ -118,6 +117,7 @@ def ephemeris_publisher(of: Band) -> Derived:
     """The target as the station predicts it; its passes and their horizon."""
     from rf_pointing.ephemeris.source import SourceParams
     from rf_pointing.ephemeris.uncertainty import ElementUncertainty
+    from rf_pointing.station.derive import axes
     from rf_pointing.station.pointing.predicted_target import PublisherParams
 
     begin = Value(pass_elevation_deg(of.content), "mount.pass_elevation_deg")
@@ -132,6 +132,7 @@ def ephemeris_publisher(of: Band) -> Derived:
 def target_designate(of: Band) -> Derived:
     """Targets without an orbit, as others report them."""
     from rf_pointing.ephemeris.sites import Site
+    from rf_pointing.station.derive import axes
     from rf_pointing.station.designated.target import DesignateParams
 
     begin = Value(pass_elevation_deg(of.content), "mount.pass_elevation_deg")
@@ -147,6 +148,7 @@ def rf_receiver(of: Band) -> Derived:
     """The simulated receiver, and where the satellite really is."""
     from rf_pointing.ephemeris.source import SourceParams
     from rf_pointing.station.antenna.receiver import SignalParams
+    from rf_pointing.station.derive import axes
     from rf_pointing.station.derive.signal import signal
 
     offset = Value(of.content.simulation.along_track_offset_s, "simulation.along_track_offset_s")
@@ -269,6 +271,7 @@ def radio_control(of: Band) -> Derived:
     from rf_pointing.drives.line_server import ServerParams
     from rf_pointing.ephemeris.solar import SunParams
     from rf_pointing.planning.gate import GateParams
+    from rf_pointing.station.derive import axes
     from rf_pointing.station.radio.inhibit import InhibitParams
 
     sets = {
