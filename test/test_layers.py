@@ -27,6 +27,7 @@ SIBLINGS = {
     "planning": SIBLING,
     "identification": SIBLING,
     "radiometry": SIBLING,
+    "orbit": SIBLING,
     "operations": {"icalendar"},
     "drives": BASE | {"serial"},
     # The last two are optional: their sources say what to install.
@@ -62,6 +63,8 @@ ALLOWED_ROOMS = {
     "operations": {"core", "planning"},
     # Noise and level as the simulated receiver has them.
     "receiver": {"core", "rf"},
+    # Series of a motion are those of the lags in a bias model; frames and elements are of ephemeris.
+    "orbit": {"core", "calibration", "ephemeris"},
     # Fluxes of bodies and patterns of beams are those of the link budget.
     "radiometry": {"core", "rf"},
     "station": {"core", *SIBLINGS},

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from rf_pointing.core import random_stream
-from rf_pointing.papers.orbit.measurements import visits
-from rf_pointing.papers.orbit.motion import Gravity
+from rf_pointing.orbit.measurements import visits
+from rf_pointing.orbit.motion import Gravity
 from rf_pointing.papers.satcal_campaign import (
     APRIL_T_S,
     IRS_P3_APRIL,

@@ -23,15 +23,8 @@ from rf_pointing.core import (
     wrap_rad,
 )
 from rf_pointing.core.types import Array
-from rf_pointing.papers.orbit.measurements import KINDS, measured, partials
-from rf_pointing.papers.orbit.motion import (
-    Disturbances,
-    Gravity,
-    Site,
-    Trajectory,
-    propagate,
-    to_inertial,
-)
+from rf_pointing.orbit.measurements import KINDS, measured, partials
+from rf_pointing.orbit.motion import Disturbances, Gravity, Site, Trajectory, propagate, to_inertial
 
 _FEWEST, _SWEEPS, _DEGREE = 10, 4, 3
 

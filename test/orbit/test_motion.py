@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from rf_pointing.core.constants import EARTH_MU_M3_S2, EARTH_RADIUS_M
-from rf_pointing.papers.orbit.batch import Arc, fit_orbit
-from rf_pointing.papers.orbit.measurements import Elements, look
-from rf_pointing.papers.orbit.motion import (
+from rf_pointing.orbit.batch import Arc, fit_orbit
+from rf_pointing.orbit.measurements import Elements, look
+from rf_pointing.orbit.motion import (
     EARTH_RATE_RAD_S,
     MOON_MU_M3_S2,
     SUN_MU_M3_S2,

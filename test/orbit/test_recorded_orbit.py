@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from rf_pointing.core import random_stream
-from rf_pointing.papers.orbit import batch, measurements, motion
+from rf_pointing.orbit import batch, measurements, motion
 from test.papers.recorded import DATA, Array, check_numbers, flat
 
 EPOCH, GRAVITY = 827385062.07, motion.Gravity()

@@ -18,7 +18,7 @@ from rf_pointing.calibration import taylor
 from rf_pointing.core import Params, as_finite_array, parameter, require_between
 from rf_pointing.core.constants import EARTH_MU_M3_S2, EARTH_RADIUS_M
 from rf_pointing.core.types import Array
-from rf_pointing.papers.orbit.motion import (
+from rf_pointing.orbit.motion import (
     EARTH_RATE_RAD_S,
     Gravity,
     Site,
