@@ -23,8 +23,9 @@ from rf_pointing.core import (
     wrap_rad,
 )
 from rf_pointing.core.types import Array
+from rf_pointing.orbit.forces import Disturbances
 from rf_pointing.orbit.measurements import KINDS, measured, partials
-from rf_pointing.orbit.motion import Disturbances, Gravity, Site, Trajectory, propagate, to_inertial
+from rf_pointing.orbit.motion import Gravity, Site, Trajectory, propagate, to_inertial
 
 _FEWEST, _SWEEPS, _DEGREE = 10, 4, 3
 

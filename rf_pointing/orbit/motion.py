@@ -1,13 +1,9 @@
 """Orbital motion by numerical integration, and the turning Earth under it.
 
-    Earth   a = -GM r / r^3 + J2, J3, J4 in closed form
-    drag    a = -1/2 rho(h) B |v_r| v_r,   v_r = v - w x r,   rho = rho_0 exp(-(h - h_0) / H)
-    tide    a = GM [(s - r) / |s - r|^3 - s / s^3]
+    a = -GM r / r^3 + J2, J3, J4 in closed form
 
-Vallado, Fundamentals of Astrodynamics, 8.6 (air of table 8-4, 800 km), 8.7 and 9.7.  Drag and tides
-are optional.  Places of Sun and Moon are good to a few minutes of arc, from the leading terms of
-their theories (Montenbruck and Gill, Satellite Orbits, 3.3.2): a tide of 1e-6 m/s^2 needs no
-better.
+Vallado, Fundamentals of Astrodynamics, 9.7.  Further forces (`forces`) are optional; the zonal
+harmonics are then those of the field, and the Earth is `POINT_MASS` here.
 
 Neighbouring trajectories are integrated together with the nominal one, so that partial derivatives
 with respect to the starting state are differences of orbits that took the same steps.
@@ -25,28 +21,9 @@ from numpy.typing import ArrayLike
 from rf_pointing.core import Params, as_finite_array, parameter
 from rf_pointing.core.constants import EARTH_MU_M3_S2, EARTH_RADIUS_M
 from rf_pointing.core.types import Array
+from rf_pointing.orbit.forces import Disturbances, sidereal_angle_rad, turned_about_pole
 
-EARTH_RATE_RAD_S = 7.292115855e-5
-"""Sidereal turning rate with respect to the equinox of date (IAU 1982)."""
 _FLATTENING = 1.0 / 298.257223563
-SUN_MU_M3_S2, MOON_MU_M3_S2 = 1.327_124_4e20, 4.902_8e12
-OBLIQUITY_RAD = np.radians(23.43929)
-_J2000_T_S, _CENTURY_S = 946728000.0, 36525.0 * 86400.0
-_ARC = np.radians(1.0 / 3600.0)
-_MOON_LONGITUDE: Array = np.array([
-    (22640, 1, 0, 0, 0), (769, 2, 0, 0, 0), (-4586, 1, 0, 0, -2), (2370, 0, 0, 0, 2), (-668, 0, 1, 0, 0),
-    (-412, 0, 0, 2, 0), (-212, 2, 0, 0, -2), (-206, 1, 1, 0, -2), (192, 1, 0, 0, 2), (-165, 0, 1, 0, -2),
-    (148, 1, -1, 0, 0), (-125, 0, 0, 0, 1), (-110, 1, 1, 0, 0), (-55, 0, 0, 2, -2),
-], dtype=np.float64)  # fmt: skip
-"""Arc seconds times the sine of multiples of l, l', F, D."""
-_MOON_LATITUDE: Array = np.array([
-    (-526, 0, 0, 1, -2), (44, 1, 0, 1, -2), (-31, -1, 0, 1, -2), (-25, -2, 0, 1, 0), (-23, 0, 1, 1, -2),
-    (21, -1, 0, 1, 0), (11, 0, -1, 1, -2),
-], dtype=np.float64)  # fmt: skip
-_MOON_DISTANCE_KM: Array = np.array([
-    (-20905, 1, 0, 0, 0), (-3699, -1, 0, 0, 2), (-2956, 0, 0, 0, 2), (-570, 2, 0, 0, 0), (246, 2, 0, 0, -2),
-    (-205, 0, 1, 0, -2), (-171, 1, 0, 0, 2), (-152, 1, 1, 0, -2),
-], dtype=np.float64)  # fmt: skip
 # Central differences: the curvature of the orbit cancels, rounding stays below 1e-9 of the
 # partials.
 _STEP_M, _STEP_M_S = 10.0, 0.01
@@ -55,22 +32,14 @@ _STEP_M, _STEP_M_S = 10.0, 0.01
 _RELATIVE_TOLERANCE = 1e-11
 
 
-def sidereal_angle_rad(t_s: ArrayLike) -> Array:
-    """Return Greenwich mean sidereal time at UTC seconds since 1970 (IAU 1982 to first order, UT1 =
-    UTC).
-    """
-    days = (np.asarray(t_s, dtype=np.float64) - _J2000_T_S) / 86400.0
-    return np.mod(np.radians(280.46061837 + 360.98564736629 * days), 2.0 * np.pi)
-
-
 def to_earth_fixed(vector: Array, t_s: ArrayLike) -> Array:
     """Return inertial vectors (n, 3) in Earth-fixed axes; `to_inertial` is the inverse."""
-    return _turned(vector, -sidereal_angle_rad(t_s))
+    return turned_about_pole(vector, -sidereal_angle_rad(t_s))
 
 
 def to_inertial(vector: Array, t_s: ArrayLike) -> Array:
     """Return Earth-fixed vectors (n, 3) in inertial axes."""
-    return _turned(vector, sidereal_angle_rad(t_s))
+    return turned_about_pole(vector, sidereal_angle_rad(t_s))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -111,104 +80,6 @@ class Site(Params):
         )
 
 
-def _turned(vector: Array, angle_rad: Array) -> Array:
-    sine, cosine = np.sin(angle_rad), np.cos(angle_rad)
-    x, y, z = np.moveaxis(vector, -1, 0)
-    return np.stack([cosine * x - sine * y, sine * x + cosine * y, z], axis=-1)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Disturbances(Params):
-    """Forces on the satellite besides the Earth's; none by default."""
-
-    ballistic_m2_kg: float = parameter(
-        0.0, "drag coefficient times area over mass; 0: no drag", low=0.0, high=10.0
-    )
-    air_density_kg_m3: float = parameter(
-        1.17e-14, "density of the air at the reference height", low=0.0, high=1e-6
-    )
-    air_height_m: float = parameter(8.0e5, "reference height of the air", low=1e5, high=2e6)
-    air_scale_m: float = parameter(
-        1.2464e5, "height in which the density falls to 1/e", low=1e3, high=1e6
-    )
-    sun: bool = parameter(False, "whether the Sun's tide acts")
-    moon: bool = parameter(False, "whether the Moon's tide acts")
-
-    def acceleration(self, t_s: float, states: Array) -> Array:
-        """Return the acceleration (m, 3) of states (m, 6) at one time, m/s^2."""
-        total = np.zeros((len(states), 3))
-        if self.ballistic_m2_kg > 0.0:
-            total += self._drag(states)
-        for acts, place, strength in (
-            (self.sun, sun_m, SUN_MU_M3_S2),
-            (self.moon, moon_m, MOON_MU_M3_S2),
-        ):
-            if acts:
-                total += _tide(states[:, :3], place(t_s), strength)
-        return total
-
-    def _drag(self, states: Array) -> Array:
-        position, velocity = states[:, :3], states[:, 3:]
-        # The air turns with the Earth: drag acts on the velocity through it.
-        turning = EARTH_RATE_RAD_S * np.stack(
-            [-position[:, 1], position[:, 0], np.zeros(len(states))], axis=1
-        )
-        through = velocity - turning
-        height = np.linalg.norm(position, axis=1) - EARTH_RADIUS_M
-        density = self.air_density_kg_m3 * np.exp(-(height - self.air_height_m) / self.air_scale_m)
-        speed = np.linalg.norm(through, axis=1)
-        return np.asarray(-0.5 * self.ballistic_m2_kg * (density * speed)[:, np.newaxis] * through)
-
-
-def sun_m(t_s: float) -> Array:
-    """Return the geocentric place of the Sun (3,), mean equator and equinox of J2000."""
-    centuries = (t_s - _J2000_T_S) / _CENTURY_S
-    anomaly = np.radians(357.5256 + 35999.049 * centuries)
-    longitude = (
-        np.radians(282.9400)
-        + anomaly
-        + _ARC * (6892.0 * np.sin(anomaly) + 72.0 * np.sin(2.0 * anomaly))
-    )
-    distance = 1e9 * (149.619 - 2.499 * np.cos(anomaly) - 0.021 * np.cos(2.0 * anomaly))
-    return _equatorial(longitude, 0.0, distance)
-
-
-def moon_m(t_s: float) -> Array:
-    """Return the geocentric place of the Moon (3,), mean equator and equinox of J2000."""
-    centuries = (t_s - _J2000_T_S) / _CENTURY_S
-    mean = np.radians(218.31617 + 481267.88088 * centuries - 1.3972 * centuries)
-    arguments = np.radians(
-        np.array([134.96292, 357.52543, 93.27283, 297.85027])
-        + np.array([477198.86753, 35999.04944, 483202.01873, 445267.11135]) * centuries
-    )
-    _, suns, node, _ = arguments
-    unequal = _ARC * _sum(_MOON_LONGITUDE, np.sin, arguments)
-    up = _ARC * (412.0 * np.sin(2.0 * node) + 541.0 * np.sin(suns))
-    latitude = _ARC * (
-        18520.0 * np.sin(node + unequal + up) + _sum(_MOON_LATITUDE, np.sin, arguments)
-    )
-    distance = 1e3 * (385000.0 + _sum(_MOON_DISTANCE_KM, np.cos, arguments))
-    return _equatorial(mean + unequal, float(latitude), distance)
-
-
-def _sum(series: Array, wave: np.ufunc, arguments: Array) -> float:
-    return float(series[:, 0] @ wave(series[:, 1:] @ arguments))
-
-
-def _equatorial(longitude: float, latitude: float, distance_m: float) -> Array:
-    across, up = np.cos(latitude), np.sin(latitude)
-    x, y, z = across * np.cos(longitude), across * np.sin(longitude), up
-    cos_e, sin_e = np.cos(OBLIQUITY_RAD), np.sin(OBLIQUITY_RAD)
-    return distance_m * np.array([x, cos_e * y - sin_e * z, sin_e * y + cos_e * z])
-
-
-def _tide(position: Array, body_m: Array, strength: float) -> Array:
-    toward = body_m - position
-    pull = toward / np.linalg.norm(toward, axis=1, keepdims=True) ** 3
-    # The Earth falls towards the body too: only the difference is a tide.
-    return np.asarray(strength * (pull - body_m / np.linalg.norm(body_m) ** 3))
-
-
 @dataclass(frozen=True, kw_only=True)
 class Gravity(Params):
     """Zonal harmonics of the attraction (JGM-3); zero switches one off."""
@@ -235,6 +106,9 @@ class Gravity(Params):
         result: Array = position_m * (scale * across)[..., np.newaxis]
         result[..., 2] += scale * (z * (rest + a + d * (28.0 * s - 12.0)) - 0.6 * c)
         return result
+
+
+POINT_MASS = Gravity(j2=0.0, j3=0.0, j4=0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -277,10 +151,13 @@ def propagate_together(
     *,
     epoch_t_s: float = 0.0,
     disturbances: Disturbances | None = None,
+    scales: Array | None = None,
+    tolerance: float = _RELATIVE_TOLERANCE,
 ) -> Array:
     """Integrate many starting states (m, 6) over the same elapsed times (n,), sorted.
 
-    The result is (n, m, 6).  `epoch_t_s` matters only to `disturbances`.
+    The result is (n, m, 6).  `epoch_t_s` and the `scales` (m, 3) of each state matter only to
+    `disturbances`.  `tolerance` is that of a step, relative.
     """
     bundle, times = (
         as_finite_array("states", states, (None, 6)),
@@ -292,7 +169,9 @@ def propagate_together(
     # The integrator runs in one direction: once back and once ahead from the epoch.
     for side in (times < 0.0, times >= 0.0):
         if np.any(side):
-            result[side] = _integrate(bundle, times[side], gravity, epoch_t_s, disturbances)
+            result[side] = _integrate(
+                bundle, times[side], gravity, epoch_t_s, disturbances, scales, tolerance
+            )
     return result
 
 
@@ -313,6 +192,8 @@ def _integrate(
     gravity: Gravity,
     epoch_t_s: float,
     disturbances: Disturbances | None,
+    scales: Array | None,
+    tolerance: float,
 ) -> Array:
     from scipy.integrate import solve_ivp
 
@@ -322,7 +203,7 @@ def _integrate(
         states = flat.reshape(shape)
         acceleration = gravity.acceleration(states[:, :3])
         if disturbances is not None:
-            acceleration += disturbances.acceleration(epoch_t_s + elapsed, states)
+            acceleration += disturbances.acceleration(epoch_t_s + elapsed, states, scales)
         return np.concatenate([states[:, 3:], acceleration], axis=1).ravel()
 
     order = np.argsort(np.abs(elapsed_s), kind="stable")
@@ -340,7 +221,7 @@ def _integrate(
         bundle.ravel(),
         method="DOP853",
         t_eval=wanted,
-        rtol=_RELATIVE_TOLERANCE,
+        rtol=tolerance,
         atol=scale,
     )
     if not solution.success:

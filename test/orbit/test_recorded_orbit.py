@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from rf_pointing.core import random_stream
-from rf_pointing.orbit import batch, measurements, motion
+from rf_pointing.orbit import batch, forces, measurements, motion
 from test.papers.recorded import DATA, Array, check_numbers, flat
 
 EPOCH, GRAVITY = 827385062.07, motion.Gravity()
@@ -26,22 +26,22 @@ ORBIT = measurements.Elements(
 
 def sun_and_moon() -> Array:
     days = (-3000.0, 0.0, 77.7, 9876.5)
-    return flat(*(place(EPOCH + 86400.0 * day) for day in days for place in (motion.sun_m, motion.moon_m)))
+    return flat(*(place(EPOCH + 86400.0 * day) for day in days for place in (forces.sun_m, forces.moon_m)))
 
 
 def disturbances() -> Array:
     states = np.stack([ORBIT.state(), ORBIT.replace(mean_anomaly_rad=1.0, node_rad=0.4).state()])
     each = (
-        motion.Disturbances(ballistic_m2_kg=0.02, air_density_kg_m3=1e-12, air_height_m=7e5, air_scale_m=9e4),
-        motion.Disturbances(ballistic_m2_kg=0.0, sun=True), motion.Disturbances(moon=True),
+        forces.Disturbances(ballistic_m2_kg=0.02, air_density_kg_m3=1e-12, air_height_m=7e5, air_scale_m=9e4),
+        forces.Disturbances(ballistic_m2_kg=0.0, sun=True), forces.Disturbances(moon=True),
     )  # fmt: skip
     return flat(
-        *(one.acceleration(EPOCH, states) * 1e9 for one in each), motion.Disturbances().acceleration(0.0, states)
+        *(one.acceleration(EPOCH, states) * 1e9 for one in each), forces.Disturbances().acceleration(0.0, states)
     )
 
 
 def perturbed() -> Array:
-    air = motion.Disturbances(ballistic_m2_kg=1.0, air_density_kg_m3=1e-11, sun=True, moon=True)
+    air = forces.Disturbances(ballistic_m2_kg=1.0, air_density_kg_m3=1e-11, sun=True, moon=True)
     times = EPOCH + np.array([-2500.0, -10.0, 0.0, 0.0, 4000.0])
     found = motion.propagate(EPOCH, ORBIT.state(), times, GRAVITY, disturbances=air, with_partials=True)
     assert found.partials is not None
