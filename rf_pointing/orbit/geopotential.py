@@ -15,7 +15,7 @@ from functools import lru_cache
 import numpy as np
 
 from rf_pointing.core.constants import EARTH_MU_M3_S2
-from rf_pointing.core.types import Array, ComplexArray
+from rf_pointing.core.types import Array, ComplexArray, IntArray
 
 EGM96_RADIUS_M = 6378136.3
 MOST_DEGREES = 12
@@ -102,8 +102,13 @@ def _harmonics(position_m: Array, degree: int) -> ComplexArray:
         rows[n, :n] = ((2 * n - 1) / (n - m)) * up * rows[n - 1, :n]
         if n > 1:
             rows[n, :n] -= ((n + m - 1) / (n - m)) * ratio * rows[n - 2, :n]
-    found: ComplexArray = rows[np.tril_indices(degree + 1)]
+    found: ComplexArray = rows[_triangle(degree + 1)]
     return found
+
+
+@lru_cache(maxsize=16)
+def _triangle(count: int) -> tuple[IntArray, IntArray]:
+    return np.tril_indices(count)
 
 
 def attraction(position_m: Array, *bands: tuple[int, int]) -> Array:
