@@ -33,9 +33,13 @@ BIASES = dict(
     zip(KINDS, ("azimuth bias", "elevation bias", "range bias", "rate bias"), strict=True)
 )
 COMBINATIONS = (
-    "semi-major axis", "eccentricity along the radius", "eccentricity across it", "place along the track",
-    "cross-track here", "cross-track a quarter of a revolution on",
-)  # fmt: skip
+    "semi-major axis",
+    "eccentricity along the radius",
+    "eccentricity across it",
+    "place along the track",
+    "cross-track here",
+    "cross-track a quarter of a revolution on",
+)
 """Small changes of a nearly circular orbit, each in metres; the columns of `orbit_changes`."""
 # The differences of neighbouring orbits, and of orbits with other forces.
 _STEP = np.array([10.0] * 3 + [0.01] * 3)
@@ -172,9 +176,14 @@ class Dynamics:
                 wanted = np.append(wanted, float(self.manoeuvre_t_s or 0.0) - begin_s)
             if len(wanted):
                 found = propagate_together(
-                    start, wanted, POINT_MASS, epoch_t_s=begin_s, disturbances=self.forces, scales=scales,
+                    start,
+                    wanted,
+                    POINT_MASS,
+                    epoch_t_s=begin_s,
+                    disturbances=self.forces,
+                    scales=scales,
                     tolerance=_TOLERANCE,
-                )  # fmt: skip
+                )
                 whole[part] = found[: int(np.sum(part))]
             if not last:
                 start, begin_s = found[-1].copy(), float(self.manoeuvre_t_s or 0.0)
@@ -368,10 +377,12 @@ class _Rows:
                 residual[..., k] = wrap_rad(residual[..., k])
             sigma = one.sigma * sky
             # Kind by kind, so that the rows of a pass stay together.
-            blocks.append([
-                np.swapaxes(part, 1, 2).reshape(trials, -1, *part.shape[3:])
-                for part in (residual, partials, considered, sigma)
-            ])  # fmt: skip
+            blocks.append(
+                [
+                    np.swapaxes(part, 1, 2).reshape(trials, -1, *part.shape[3:])
+                    for part in (residual, partials, considered, sigma)
+                ]
+            )
         residual, partials, considered, sigma = (
             np.concatenate(part, axis=1) for part in zip(*blocks, strict=True)
         )
@@ -439,10 +450,19 @@ def determine(
             stage += 1
         elif settled:
             return Orbits(
-                prior=prior, dynamics=dynamics, priors=priors, passes=ordered, names=tuple(rows.names), values=values,
-                formal=estimate.formal, sensitivity=estimate.sensitivity, considered=tuple(rows.considered),
-                scale=scale, used=weight > 0.0, iterations=iteration,
-            )  # fmt: skip
+                prior=prior,
+                dynamics=dynamics,
+                priors=priors,
+                passes=ordered,
+                names=tuple(rows.names),
+                values=values,
+                formal=estimate.formal,
+                sensitivity=estimate.sensitivity,
+                considered=tuple(rows.considered),
+                scale=scale,
+                used=weight > 0.0,
+                iterations=iteration,
+            )
     raise ValueError(f"the orbit has not settled after {_MOST_ITERATIONS} iterations")
 
 

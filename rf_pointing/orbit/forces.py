@@ -147,7 +147,9 @@ def lit_share(position_m: Array, sun: Array) -> Array:
     toward = sun - position_m
     distance, radius = np.linalg.norm(toward, axis=1), np.linalg.norm(position_m, axis=1)
     own, earth = np.arcsin(SUN_RADIUS_M / distance), np.arcsin(EARTH_RADIUS_M / radius)
-    apart = np.arccos(-np.einsum("ij,ij->i", position_m, toward) / (radius * distance))
+    cosine = -np.einsum("ij,ij->i", position_m, toward) / (radius * distance)
+    # Straight under the Sun rounding leaves the range of a cosine.
+    apart = np.maximum(np.arccos(np.clip(cosine, -1.0, 1.0)), 1e-9)
     # Two overlapping discs; the clip makes contact from inside and outside the limits.
     x = np.clip((apart**2 + own**2 - earth**2) / (2.0 * apart), -own, own)
     y = np.sqrt(np.maximum(own**2 - x**2, 0.0))

@@ -89,10 +89,13 @@ def forces_of(elements: Elements, state: Array) -> Disturbances:
     """Return the forces on a satellite, its drag from B* in the mean atmosphere at its height."""
     height_m = float(np.linalg.norm(state[:3])) - EARTH_RADIUS_M
     return Disturbances(
-        degree=DEGREE, sun=True, moon=True, radiation_m2_kg=_RADIATION_M2_KG,
+        degree=DEGREE,
+        sun=True,
+        moon=True,
+        radiation_m2_kg=_RADIATION_M2_KG,
         ballistic_m2_kg=min(max(_BALLISTIC_PER_BSTAR * elements.drag_per_earth_radius, 1e-3), 1.0),
         **Disturbances.air_at(height_m),
-    )  # fmt: skip
+    )
 
 
 def points_of(
@@ -138,10 +141,14 @@ def points_of(
     true = elevation if refraction is None else refraction.remove(elevation)
     columns |= {"azimuth_rad": azimuth, "elevation_rad": true}
     data = PassData(
-        station=raw.station, t_s=times, motion=motion_of_site(site, times), kinds=kinds,
-        values=np.stack([columns[kind] for kind in kinds], axis=-1)[np.newaxis], sigma=np.array(sigmas),
+        station=raw.station,
+        t_s=times,
+        motion=motion_of_site(site, times),
+        kinds=kinds,
+        values=np.stack([columns[kind] for kind in kinds], axis=-1)[np.newaxis],
+        sigma=np.array(sigmas),
         bending_rad=elevation - true,
-    )  # fmt: skip
+    )
     return data, report.text() if report.before > report.after else ""
 
 
@@ -284,18 +291,28 @@ def mean_elements(
         old, epoch_t_s=epoch_t_s, drag_per_earth_radius=old.drag_per_earth_radius * max(air, 0.0)
     )
     motion = old.mean_motion_rad_s * (record.a / record.am) ** 1.5
-    start = np.array([
-        motion, record.em * math.cos(record.om), record.em * math.sin(record.om), record.im, record.Om,
-        record.mm + record.om,
-    ])  # fmt: skip
+    start = np.array(
+        [
+            motion,
+            record.em * math.cos(record.om),
+            record.em * math.sin(record.om),
+            record.im,
+            record.Om,
+            record.mm + record.om,
+        ]
+    )
 
     def made(p: Array) -> Elements:
         perigee = math.atan2(p[2], p[1])
         return replace(
-            fresh, mean_motion_rad_s=float(p[0]), eccentricity=math.hypot(p[1], p[2]), inclination_rad=float(p[3]),
-            ascending_node_rad=float(p[4]) % TURN, argument_of_perigee_rad=perigee % TURN,
+            fresh,
+            mean_motion_rad_s=float(p[0]),
+            eccentricity=math.hypot(p[1], p[2]),
+            inclination_rad=float(p[3]),
+            ascending_node_rad=float(p[4]) % TURN,
+            argument_of_perigee_rad=perigee % TURN,
             mean_anomaly_rad=(float(p[5]) - perigee) % TURN,
-        )  # fmt: skip
+        )
 
     def off(p: Array) -> Array:
         propagated = made(p).satrec()

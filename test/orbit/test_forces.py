@@ -111,4 +111,6 @@ def test_the_shadow_begins_where_the_discs_touch():
     assert share[0] == 0.0
     assert share[-1] == 1.0
     assert lit_share(-behind, sun) == pytest.approx(1.0)
+    on_the_line = np.outer([1.0, -1.0], 7e6 * np.array([0.6, 0.64, 0.48]))
+    assert lit_share(on_the_line, AU_M * np.array([0.6, 0.64, 0.48])).tolist() == [1.0, 0.0]
     assert float(np.interp(0.5, share, across)) == pytest.approx(EARTH_RADIUS_M, rel=1e-3)
