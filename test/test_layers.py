@@ -63,7 +63,7 @@ ALLOWED_ROOMS = {
     "operations": {"core", "planning"},
     # Noise and level as the simulated receiver has them.
     "receiver": {"core", "rf"},
-    # Series of a motion are those of the lags in a bias model; frames and elements are of ephemeris.
+    # Passes and the mount's model are those of a calibration; frames and elements are of ephemeris.
     "orbit": {"core", "calibration", "ephemeris"},
     # Fluxes of bodies and patterns of beams are those of the link budget.
     "radiometry": {"core", "rf"},

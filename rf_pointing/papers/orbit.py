@@ -16,8 +16,8 @@ from rf_pointing.core.types import Array
 from rf_pointing.orbit.forces import Disturbances, sidereal_angle_rad, sun_m
 from rf_pointing.orbit.measurements import Elements, StationMotion, measured_from
 from rf_pointing.orbit.motion import POINT_MASS, Site, propagate_together
-from rf_pointing.orbit.panel import Layer, Panel
 from rf_pointing.orbit.study import Before, Knowledge, Tracking, known_orbit
+from rf_pointing.papers.orbit_panel import Layer, Panel
 from rf_pointing.papers.row import Row
 
 EPOCH_T_S = 757382400.0

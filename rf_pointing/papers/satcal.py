@@ -14,7 +14,7 @@ import numpy as np
 from rf_pointing.calibration import Observations, terms_by_name
 from rf_pointing.core import random_stream
 from rf_pointing.core.types import Array
-from rf_pointing.orbit.measurements import Look, look, measured
+from rf_pointing.orbit.measurements import measured
 from rf_pointing.orbit.motion import Gravity, propagate
 from rf_pointing.papers.row import Row, near
 from rf_pointing.papers.satcal_campaign import (
@@ -33,6 +33,7 @@ from rf_pointing.papers.satcal_campaign import (
     points_of,
     sky_filling_points,
 )
+from rf_pointing.papers.satcal_looks import Look, look
 from rf_pointing.papers.satcal_orbit import (
     BatchCheck,
     PreliminaryCheck,

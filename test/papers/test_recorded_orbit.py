@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 
 from rf_pointing.core import random_stream
-from rf_pointing.orbit import batch, forces, measurements, motion
+from rf_pointing.orbit import forces, measurements, motion
+from rf_pointing.papers import satcal_batch as batch
+from rf_pointing.papers import satcal_looks
 from test.papers.recorded import DATA, Array, check_numbers, flat
 
 EPOCH, GRAVITY = 827385062.07, motion.Gravity()
@@ -48,13 +50,13 @@ def perturbed() -> Array:
     return flat(found.states, found.partials[[0, 4]])
 
 
-def one_pass() -> measurements.Look:
-    found = measurements.visits(SITE, ORBIT, EPOCH, 0.6, GRAVITY, step_s=8.0, lowest_rad=0.2)
+def one_pass() -> satcal_looks.Look:
+    found = satcal_looks.visits(SITE, ORBIT, EPOCH, 0.6, GRAVITY, step_s=8.0, lowest_rad=0.2)
     return found[-1]
 
 
 def passes() -> Array:
-    found = measurements.visits(SITE, ORBIT, EPOCH, 1.7, GRAVITY, step_s=20.0, lowest_rad=0.16)
+    found = satcal_looks.visits(SITE, ORBIT, EPOCH, 1.7, GRAVITY, step_s=20.0, lowest_rad=0.16)
     return flat(len(found), *((len(one.t_s), one.t_s[0] - EPOCH, np.max(one.elevation_rad)) for one in found))
 
 
@@ -118,7 +120,7 @@ RUNS: dict[str, tuple[float, Callable[[], Array]]] = {
     "passes": (1e-5, passes),
     "looks": (1e-6, looks),
     "elements": (1e-9, elements),
-    "secular": (1e-9, lambda: measurements.secular_states(ORBIT, np.array([86400.0, 5e5]), GRAVITY).ravel()),
+    "secular": (1e-9, lambda: satcal_looks.secular_states(ORBIT, np.array([86400.0, 5e5]), GRAVITY).ravel()),
     "start of a noisy pass": (1e-7, start),
     "preliminary orbit": (1e-4, preliminary),
 }
