@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from rf_pointing.api.calibration import Fit, fit
     from rf_pointing.api.network import NetworkPlan, plan_network
+    from rf_pointing.api.orbit_study import OrbitCovariance, orbit_covariance
     from rf_pointing.api.orbits import DeterminedOrbit, orbit_from_passes
     from rf_pointing.api.passes import Look, PassCertificate, StationPass
     from rf_pointing.api.plan import Plan
@@ -31,6 +32,7 @@ _HOMES = {
     "ModelVersion": "calibration.model_file",
     "NetworkPlan": "api.network",
     "Observations": "calibration.observations",
+    "OrbitCovariance": "api.orbit_study",
     "PassCertificate": "api.passes",
     "Plan": "api.plan",
     "Recording": "api.recording",
@@ -42,6 +44,7 @@ _HOMES = {
     "catalogue": "api.target",
     "elements": "api.target",
     "fit": "api.calibration",
+    "orbit_covariance": "api.orbit_study",
     "orbit_from_passes": "api.orbits",
     "plan_network": "api.network",
     "read_model": "calibration.model_file",
@@ -50,9 +53,9 @@ _HOMES = {
 """Every public name, and the module that it is loaded from."""
 __all__ = [
     "BiasModel", "DeterminedOrbit", "Fit", "Look", "ModelVersion", "NetworkPlan", "Observations",
-    "PassCertificate", "Plan", "Recording", "SimulatedPass", "Station", "StationPass", "Target",
-    "Tuning", "catalogue", "elements", "fit", "orbit_from_passes", "plan_network", "read_model",
-    "tune",
+    "OrbitCovariance", "PassCertificate", "Plan", "Recording", "SimulatedPass", "Station",
+    "StationPass", "Target", "Tuning", "catalogue", "elements", "fit", "orbit_covariance",
+    "orbit_from_passes", "plan_network", "read_model", "tune",
 ]  # fmt: skip
 
 if not TYPE_CHECKING:

@@ -38,7 +38,7 @@ from rf_pointing.station.campaign import recorded_input
 
 STEP_S, COVARIANCE_STEPS = 60.0, 10
 CALIBRATED_MDEG = 5.0
-"""What a bias model leaves of the angles' bias; without a model it is a tenth of the beam."""
+"""Sigma of the angles' bias under a bias model; without a model it is a tenth of the beam."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,7 +142,7 @@ def _tai_s(t_s: Array) -> Array:
 
 @dataclass(frozen=True, kw_only=True)
 class OrbitRequest:
-    """What an orbit is made of; `orbit_from_passes` describes the fields."""
+    """Input of an orbit; `orbit_from_passes` describes the fields."""
 
     paths: Sequence[Path]
     stations: Sequence[Station]

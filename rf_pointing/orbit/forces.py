@@ -25,7 +25,7 @@ from rf_pointing.orbit.geopotential import MOST_DEGREES, attraction
 EARTH_RATE_RAD_S = 7.292115855e-5
 """Sidereal turning rate with respect to the equinox of date (IAU 1982)."""
 SCALES = ("air", "radiation", "field")
-"""What may be scaled satellite by satellite: drag, radiation, and the field beyond `degree`."""
+"""Factors of each satellite: of drag, of radiation, and of the field beyond `degree`."""
 NOMINAL_SCALES = (1.0, 1.0, 0.0)
 AU_M, SUN_RADIUS_M = 1.495_978_707e11, 6.957e8
 SUN_PRESSURE_N_M2 = 4.56e-6

@@ -1,6 +1,6 @@
 """Measurements of a satellite by a station: angles, range and range rate, with partials.
 
-Geometric unless light time is asked for; refraction is removed from real data beforehand.
+Geometric, with light time where `light` says so; refraction is removed from real data beforehand.
 """
 
 import math

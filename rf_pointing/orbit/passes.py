@@ -39,14 +39,14 @@ from rf_pointing.orbit.forces import Disturbances
 from rf_pointing.orbit.measurements import KINDS, StationMotion, turning_velocity
 
 DEGREE = 8
-"""Of the Earth's field in an orbit from passes; what lies beyond is considered."""
+"""Last degree of the Earth's field in an orbit from passes; what lies beyond is considered."""
 # B* is half of ballistic coefficient times the density that SGP4 refers to (kg/m^2 per radius).
 _BALLISTIC_PER_BSTAR = 12.741621
 _RADIATION_M2_KG = 0.02
 _POINT_S = 5.0
 FEWEST_POINTS = 10
 _LEAST_SIGMA = dict(zip(KINDS, (1e-6, 1e-6, 0.01, 1e-4), strict=True))
-# Of six numbers of unit variance: one orbit in 1.7 million is that far from its elements.
+# The length of six numbers of unit variance exceeds this once in 11 million orbits.
 FARTHEST_SIGMA = 6.6
 MISFIT_SIGMA = 3.0
 WRONG_BIAS_SIGMA = 5.0

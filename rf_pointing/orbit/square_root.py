@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike
 
 from rf_pointing.core.types import Array, IntArray
 
-# Of the scaled diagonal: below it a combination of the parameters has not been measured.
+# Share of a diagonal in its column; below it a combination has not been measured.
 RANK_TOLERANCE = 1e-13
 
 

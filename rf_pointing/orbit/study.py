@@ -1,4 +1,4 @@
-"""What a network would know of an orbit, before anything is built: covariance without data.
+"""Covariance of an orbit without data: how well a network would know it before it is built.
 
     R x + R_c c = z      epoch by epoch in a square-root filter (`square_root`)
     P(t) = Phi P Phi' + (Phi S + dx/dc) C (Phi S + dx/dc)'
@@ -10,7 +10,7 @@ zenith delay of each station, and where ranges are one-way the satellite's clock
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,7 +27,7 @@ from rf_pointing.orbit.square_root import SquareRootFilter
 
 @dataclass(frozen=True, kw_only=True)
 class Tracking(Params):
-    """What each station measures, how well, and how often; a sigma of 0 leaves a kind out."""
+    """Measurements of each station, how good and how often; a sigma of 0 leaves a kind out."""
 
     angle_sigma_rad: float = parameter(0.0, "noise of each angle, on the sky", low=0.0, high=0.1)
     angle_bias_rad: float = parameter(1e-4, "bias of each angle", low=1e-9, high=0.1)
@@ -89,7 +89,7 @@ class Before(Params):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Knowledge:
-    """What would be known at times (n,): states and covariances (n, 6, 6), inertial.
+    """Knowledge of an orbit at times (n,): states and covariances (n, 6, 6), inertial.
 
     `formal` is of noise and wandering biases alone, `parts` what each kind of consider parameter
     adds.  `tracked` (stations, n) says when which station measured.
@@ -310,8 +310,3 @@ class _Station:
         considered[:, first : first + 3] = -self.partials[k][:, :3] @ axes.T
         considered[:, first + 3] = self.rates[k]
         return partials * weight[:, np.newaxis], 0.0, considered * weight[:, np.newaxis]
-
-
-def coverage(stations: Sequence[str], knowledge: Knowledge) -> dict[str, float]:
-    """Return the share of the times at which each station measures."""
-    return dict(zip(stations, np.mean(knowledge.tracked, axis=1).tolist(), strict=True))
