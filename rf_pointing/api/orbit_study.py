@@ -26,7 +26,8 @@ Place = Station | tuple[str, float, float]
 UNITS = {
     "angle_mdeg": ("angle_sigma_rad", MDEG), "angle_bias_mdeg": ("angle_bias_rad", MDEG),
     "range_m": ("range_sigma_m", 1.0), "range_bias_m": ("range_bias_m", 1.0),
-    "rate_m_s": ("rate_sigma_m_s", 1.0), "rate_bias_m_s": ("rate_bias_m_s", 1.0), "memory_h": ("memory_s", 3600.0),
+    "rate_m_s": ("rate_sigma_m_s", 1.0), "rate_bias_m_s": ("rate_bias_m_s", 1.0),
+    "memory_h": ("memory_s", 3600.0),
     "satellite_clock_m": ("satellite_clock_m", 1.0), "zenith_delay_m": ("zenith_delay_m", 1.0),
     "step_s": ("step_s", 1.0), "lowest_deg": ("lowest_rad", math.radians(1.0)),
 }  # fmt: skip
@@ -75,7 +76,8 @@ class OrbitCovariance:
         }  # fmt: skip
         return json.dumps({
             "title": self.title, "site": self.site, "tracked_until_t_s": self.tracked_until_t_s,
-            "considered_m": {name: known.sigma_m(part).tolist() for name, part in known.parts.items()},
+            "considered_m": {name: known.sigma_m(part).tolist() for name,
+            part in known.parts.items()},
             "tracked": dict(zip(known.names, known.tracked.astype(int).tolist(), strict=True)),
             "looks": self.looks, **{name: values.tolist() for name, values in columns.items()},
         })  # fmt: skip
@@ -95,13 +97,16 @@ class OrbitCovariance:
             row = int(np.argmin(np.abs(hours - hour)))
             radial, along, cross = self.rtn_m[row]
             lines.append(
-                f"  {hours[row]:6.1f} h: radial {radial:.1f}, along {along:.1f}, cross {cross:.1f} m "
+                f"  {hours[row]:6.1f} h: radial {radial:.1f}, along {along:.1f}, cross "
+                f"{cross:.1f} m "
                 f"(noise alone {known.sigma_m(known.formal)[row]:.1f} m in all)"
             )
         worst = {name: float(np.max(known.sigma_m(part))) for name, part in known.parts.items()}
-        lines.append("  considered, at most: " + ", ".join(f"{name} {size:.1f} m" for name, size in worst.items()))
+        lines.append("  considered, at most: " + ", ".join(f"{name} {size:.1f} m" for name,
+            size in worst.items()))  # fmt: skip
         lines += [
-            f"  seen from {self.site} {one['utc']}, {one['hours_after']:.1f} h after: known to {one['worst_mdeg']:.1f} mdeg"
+            f"  seen from {self.site} {one['utc']}, {one['hours_after']:.1f} h after: known to "
+            f"{one['worst_mdeg']:.1f} mdeg"
             for one in self.looks[:10]
         ]
         return "\n".join(lines)
@@ -152,12 +157,12 @@ def orbit_covariance(
     if not isinstance(elements, Elements):
         raise ValueError(f"{target.name} is not tracked from mean elements")
     if not (hours > 0.0 and predict_hours >= 0.0 and stations):
-        raise ValueError(
-            f"hours={hours} must be > 0, predict_hours={predict_hours} >= 0, stations={len(stations)} >= 1"
-        )
+        given = f"hours={hours}, predict_hours={predict_hours}, stations={len(stations)}"
+        raise ValueError(f"{given} must be > 0, >= 0 and >= 1")
     does = tracking_of(tracking)
     begin_s = time_s("start", start, start_t_s) or elements.epoch_t_s
-    t_s = begin_s + np.arange(0.0, 3600.0 * (hours + predict_hours) + 0.5 * does.step_s, does.step_s)
+    t_s = begin_s + np.arange(0.0, 3600.0 * (hours + predict_hours) + 0.5 * does.step_s,
+        does.step_s)  # fmt: skip
     prior = prior_of(elements, begin_s, ElementUncertainty(), MAX_AGE_S)
     motions = {}
     for one in stations:
@@ -173,8 +178,10 @@ def orbit_covariance(
     )  # fmt: skip
     axes, (site_name, motion) = rtn_axes(known.states), next(iter(motions.items()))
     turned = axes @ known.total[:, :3, :3] @ np.swapaxes(axes, 1, 2)
+    title = f"{target.name} tracked by {', '.join(motions)} for {hours:g} h"
     return OrbitCovariance(
-        f"{target.name} tracked by {', '.join(motions)} for {hours:g} h from {to_utc_text(begin_s)[:19]}", site_name,
-        begin_s + 3600.0 * hours, known, np.sqrt(np.diagonal(turned, axis1=1, axis2=2)), known.on_sky(motion) / MDEG,
+        f"{title} from {to_utc_text(begin_s)[:19]}", site_name,
+        begin_s + 3600.0 * hours, known, np.sqrt(np.diagonal(turned, axis1=1, axis2=2)),
+        known.on_sky(motion) / MDEG,
         np.degrees(measured_from(known.states, motion)[:, 1]),
     )  # fmt: skip

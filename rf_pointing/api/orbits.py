@@ -64,8 +64,10 @@ class DeterminedOrbit:
         """The orbit as a target of the station."""
         states, tai_s = self.ephemeris.states, _tai_s(self.ephemeris.t_s)
         return OemTarget([OemSegment(
-            name=self.elements.name, object_id=self._object_id, frame="TEME", tai_s=tai_s, position_m=states[:, :3],
-            velocity_m_s=states[:, 3:], usable_from_s=float(tai_s[0]), usable_to_s=float(tai_s[-1]), method="HERMITE",
+            name=self.elements.name, object_id=self._object_id, frame="TEME", tai_s=tai_s,
+            position_m=states[:, :3],
+            velocity_m_s=states[:, 3:], usable_from_s=float(tai_s[0]),
+            usable_to_s=float(tai_s[-1]), method="HERMITE",
             degree=7,
         )])  # fmt: skip
 
@@ -95,25 +97,31 @@ class DeterminedOrbit:
         """Write STEM.oem and STEM.omm; return both."""
         oem, omm = (Path(f"{stem}{suffix}") for suffix in (".oem", ".omm"))
         write_whole(oem, self.to_oem(created_t_s))
-        write_whole(omm, omm_text(self.elements, originator=f"rf_pointing {__version__}", created_t_s=created_t_s))
+        write_whole(omm, omm_text(self.elements, originator=f"rf_pointing {__version__}",
+            created_t_s=created_t_s))  # fmt: skip
         return oem, omm
 
     def __str__(self) -> str:
         found, values = self.found, dict(zip(self.found.names, self.found.values[0], strict=True))
-        lines = [f"{self.elements.name}: orbit from {len(found.passes)} passes, {found.iterations} iterations"]
-        spread, first = dict(zip(found.names, np.sqrt(np.diag(found.covariance()[0])), strict=True)), 0
+        name, count = self.elements.name, len(found.passes)
+        lines = [f"{name}: orbit from {count} passes, {found.iterations} iterations"]
+        spread, first = dict(zip(found.names, np.sqrt(np.diag(found.covariance()[0])),
+            strict=True)), 0  # fmt: skip
         for k, one in enumerate(found.passes):
             used = found.used[0, first : first + one.values[0].size]
             first += one.values[0].size
             noise = math.degrees(one.sigma[1] * found.scale[0, k]) * 1e3
             clock = f"clock of pass {k + 1}"
             lines.append(
-                f"  pass {k + 1} {one.station} {to_utc_text(float(one.t_s[0]))[:19]}: {int(np.sum(used))} of {used.size} "
-                f"values, {noise:.1f} mdeg, clock {values[clock]:+.4f} s (sigma {spread[clock]:.4f})"
+                f"  pass {k + 1} {one.station} {to_utc_text(float(one.t_s[0]))[:19]}: "
+                f"{int(np.sum(used))} of {used.size} "
+                f"values, {noise:.1f} mdeg, clock {values[clock]:+.4f} s (sigma "
+                f"{spread[clock]:.4f})"
             )
         if self.manoeuvre_t_s is not None:
             burn = np.array([values[name] for name in self.found.dynamics.names[7:10]])
-            lines.append(f"  manoeuvre {to_utc_text(self.manoeuvre_t_s)[:19]}: {float(np.linalg.norm(burn)):.3f} m/s")
+            when = to_utc_text(self.manoeuvre_t_s)[:19]
+            lines.append(f"  manoeuvre {when}: {float(np.linalg.norm(burn)):.3f} m/s")
         last_s = float(found.passes[-1].t_s[-1])
         for t_s in (last_s, float(self.ephemeris.t_s[-1])):
             radial, along, cross = self.sigmas_m(t_s)
@@ -125,7 +133,7 @@ class DeterminedOrbit:
             f"  {abs(ahead_s):.3f} s {'ahead of' if ahead_s > 0.0 else 'behind'} its elements; "
             f"refined elements follow within {self.elements_rms_m:.0f} m rms"
         )
-        lines += [f"  not determined, as the elements have it: {one}" for one in found.undetermined()]
+        lines += [f"  not determined, from the elements: {one}" for one in found.undetermined()]
         return "\n".join([*lines, *(f"  {note}" for note in self.notes)])
 
     @property
@@ -159,13 +167,15 @@ class OrbitRequest:
         """Return the orbit; ValueError says what the passes, clocks or elements are refused for."""
         elements = self.target.found
         if not isinstance(elements, Elements):
-            raise ValueError(f"{elements.name} is not tracked from mean elements, which the orbit begins with")
-        tracked = [(one, station) for path in self.paths for one, station in self._read(path, elements)]
+            raise ValueError(f"{elements.name} has no mean elements, which the orbit begins with")
+        tracked = [(one, station) for path in self.paths for one, station in self._read(path,
+            elements)]  # fmt: skip
         if not tracked:
             raise ValueError("files=[]: no pass, must be 1 or more")
         points, notes = [], []
         for one, station in tracked:
-            air = None if self.refraction_removed else RadioRefraction.standard(station.site.altitude_m)
+            standard = RadioRefraction.standard(station.site.altitude_m)
+            air = None if self.refraction_removed else standard
             data, left_out = points_of(one, station.site, station.model, air)
             points.append(data)
             notes += [f"{data.station}: {left_out}"] if left_out else []
@@ -175,38 +185,46 @@ class OrbitRequest:
         last_s = math.floor(max(float(one.t_s[-1]) for one in points))
         refuse_leap_second(first_s, last_s + 3600.0 * self.predict_hours)
         prior = prior_of(elements, first_s, ElementUncertainty(), self.max_age_s)
-        dynamics = Dynamics(forces=forces_of(elements, prior.states[0]), manoeuvre_t_s=self.manoeuvre_t_s)
-        found = checked_orbit(prior, points, dynamics, self._priors([station for _, station in tracked]))
+        dynamics = Dynamics(forces=forces_of(elements, prior.states[0]),
+            manoeuvre_t_s=self.manoeuvre_t_s)  # fmt: skip
+        found = checked_orbit(prior, points, dynamics, self._priors([station for _,
+            station in tracked]))  # fmt: skip
         t_s = np.arange(first_s, last_s + 3600.0 * self.predict_hours + STEP_S, STEP_S)
         ephemeris = Ephemeris.of(found, t_s)
         # After a manoeuvre no elements can follow both sides of it.
         after = t_s >= (self.manoeuvre_t_s or -math.inf)
         fresh, rms_m = mean_elements(
-            elements, float(last_s), t_s[after], ephemeris.states[after, :3], float(found.values[0, 6])
+            elements,
+            float(last_s),
+            t_s[after],
+            ephemeris.states[after, :3],
+            float(found.values[0, 6]),
         )
         return DeterminedOrbit(fresh, rms_m, ephemeris, found, tuple(notes), self.manoeuvre_t_s)
 
     def _priors(self, stations: Sequence[Station]) -> Priors:
+        # A model leaves little, whatever the beam.
         own = [
-            CALIBRATED_MDEG if any(one.model.coefficients.values()) else 100.0 * one.beamwidth_deg for one in stations
-        ]
+            CALIBRATED_MDEG if any(one.model.coefficients.values()) else 100.0 * one.beamwidth_deg
+            for one in stations
+        ]  # fmt: skip
         bias_rad = MDEG * (max(own) if self.bias_mdeg is None else self.bias_mdeg)
         return Priors(clock_s=self.clock_s, azimuth_bias_rad=bias_rad, elevation_bias_rad=bias_rad)
 
     def _read(self, path: Path, elements: Elements) -> list[tuple[TrackedPass, Station]]:
         station = self._station_of(path)
         files = DataFiles(
-            paths=[path], elements=[elements], max_age_s=self.max_age_s, allow_damage=self.allow_damage,
+            paths=[path], elements=[elements], max_age_s=self.max_age_s,
+            allow_damage=self.allow_damage,
             refraction=None if self.refraction_removed else "standard",
         )  # fmt: skip
         passes = files.read(station).passes
         if not passes:
             raise ValueError(f"{path} holds calibration points and no tracking data of a pass")
         for one in passes:
-            if one.raw.target.casefold() not in (elements.name.casefold(), str(elements.catalogue_number)):
-                raise ValueError(
-                    f"{path} is of {one.raw.target!r}, must be of {elements.name!r} ({elements.catalogue_number})"
-                )
+            mine = elements.name.casefold(), str(elements.catalogue_number)
+            if one.raw.target.casefold() not in mine:
+                raise ValueError(f"{path} is of {one.raw.target!r}, must be of {' or '.join(mine)}")
         return [(one, station) for one in passes]
 
     def _station_of(self, path: Path) -> Station:
@@ -220,7 +238,8 @@ class OrbitRequest:
         mine = [one for one in self.stations if one.name in names]
         if len(names) != 1 or not mine:
             known = ", ".join(one.name for one in self.stations)
-            raise ValueError(f"{path} is of station {', '.join(sorted(names))}, must be one of: {known}")
+            given = ", ".join(sorted(names))
+            raise ValueError(f"{path} is of station {given}, must be one of: {known}")
         return mine[0]
 
 
@@ -264,7 +283,9 @@ def orbit_from_passes(
     """
     paths = [Path(data)] if isinstance(data, str | Path) else [Path(one) for one in data]
     return OrbitRequest(
-        paths=paths, stations=[stations] if isinstance(stations, Station) else list(stations), target=target,
-        manoeuvre_t_s=time_s("manoeuvre", manoeuvre, manoeuvre_t_s), predict_hours=predict_hours, clock_s=clock_s,
+        paths=paths, stations=[stations] if isinstance(stations, Station) else list(stations),
+        target=target,
+        manoeuvre_t_s=time_s("manoeuvre", manoeuvre, manoeuvre_t_s), predict_hours=predict_hours,
+        clock_s=clock_s,
         bias_mdeg=bias_mdeg, refraction_removed=refraction_removed,
     ).run()  # fmt: skip

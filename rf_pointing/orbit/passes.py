@@ -113,7 +113,8 @@ def points_of(
     firsts = np.flatnonzero(np.diff(cell, prepend=-1.0))
     if len(firsts) < FEWEST_POINTS:
         raise ValueError(
-            f"pass of {raw.target} over {raw.station}: {len(firsts)} points of {_POINT_S:g} s, must be "
+            f"pass of {raw.target} over {raw.station}: {len(firsts)} points of {_POINT_S:g} s, "
+            f"must be "
             f">= {FEWEST_POINTS} ({report.text()})"
         )
     pieces = np.split(np.arange(len(t_s)), firsts[1:])
@@ -194,10 +195,12 @@ def checked_orbit(
         _, still = _tried(prior, [*ordered[:k], *ordered[k + 1 :]], dynamics, priors)
         if not still:
             raise ValueError(
-                f"pass {_named(k, one)} does not agree with the others: {trouble}; is it of another satellite?"
+                f"pass {_named(k, one)} does not agree with the others: {trouble}; is it of "
+                f"another satellite?"
             )
     raise ValueError(
-        f"the passes and the elements do not agree: {trouble}; is it another satellite, or a manoeuvre?"
+        f"the passes and the elements do not agree: {trouble}; is it another satellite, or a "
+        f"manoeuvre?"
     )
 
 
@@ -221,7 +224,8 @@ def _tried(
     if far > FARTHEST_SIGMA:
         return (
             found,
-            f"the orbit is {far:.1f} sigma from that of the elements, must be <= {FARTHEST_SIGMA:g}",
+            f"the orbit is {far:.1f} sigma from that of the elements, must be <= "
+            f"{FARTHEST_SIGMA:g}",
         )
     first = 0
     for k, one in enumerate(found.passes):
@@ -231,12 +235,14 @@ def _tried(
         most = MISFIT_SIGMA * float(np.max(allowed[:2]))
         if found.scale[0, k] > most:
             return found, (
-                f"pass {_named(k, one)} is off by {math.degrees(found.scale[0, k] * one.sigma[1]) * 1e3:.1f} mdeg rms, "
+                f"pass {_named(k, one)} is off by "
+                f"{math.degrees(found.scale[0, k] * one.sigma[1]) * 1e3:.1f} mdeg rms, "
                 f"must be <= {math.degrees(most * one.sigma[1]) * 1e3:.1f} mdeg"
             )
         if np.mean(~used) > _MOST_LEFT_OUT:
             return found, (
-                f"pass {_named(k, one)} has {100.0 * np.mean(~used):.0f} % outliers, must be <= {100.0 * _MOST_LEFT_OUT:g} %"
+                f"pass {_named(k, one)} has {100.0 * np.mean(~used):.0f} % outliers, must be <= "
+                f"{100.0 * _MOST_LEFT_OUT:g} %"
             )
     for name, value, sigma in zip(found.names, found.values[0], _sigmas(found), strict=True):
         kind = name.partition(" of pass")[0]
@@ -255,7 +261,8 @@ def _tried(
             )
             return (
                 found,
-                f"{name} comes out as {shown}, {abs(value) / own[kind]:.1f} sigma, must be <= {WRONG_BIAS_SIGMA:g}",
+                f"{name} comes out as {shown}, {abs(value) / own[kind]:.1f} sigma, must be <= "
+                f"{WRONG_BIAS_SIGMA:g}",
             )
     return found, ""
 
@@ -269,7 +276,8 @@ def refuse_leap_second(first_t_s: float, last_t_s: float) -> None:
     before, after = (leap_seconds().tai_minus_utc_s(t_s) for t_s in (first_t_s, last_t_s))
     if before != after:
         raise ValueError(
-            f"a leap second lies between {to_utc_text(first_t_s)} and {to_utc_text(last_t_s)}: take the passes of one side"
+            f"a leap second lies between {to_utc_text(first_t_s)} and {to_utc_text(last_t_s)}: "
+            f"take the passes of one side"
         )
 
 
@@ -322,7 +330,8 @@ def mean_elements(
         )
         if np.any(codes):
             raise ValueError(
-                f"mean elements of {old.name} cannot follow the orbit: SGP4 gives code {int(np.max(codes))}"
+                f"mean elements of {old.name} cannot follow the orbit: SGP4 gives code "
+                f"{int(np.max(codes))}"
             )
         return np.asarray(1e3 * places - position_m).ravel()
 

@@ -207,7 +207,8 @@ def network_rows() -> list[Row]:
             0.0,
             "<=",
             due=(45.0, 50.0),
-            remark="the orbits of the navigation satellites, known from 12 h before, would calibrate "
+            remark="the orbits of the navigation satellites, known from 12 h before, would "
+            "calibrate "
             "the clocks better than the 3 cm of the reduced model",
         ),
         Row(
@@ -370,7 +371,8 @@ def beacon_rows() -> list[Row]:
             "km",
             0.0,
             factor=1.2,
-            remark="0.003 s in BEACON Table 1, which prints the Y-bias in km/s^2, where TDRS Table 1 "
+            remark="0.003 s in BEACON Table 1, which prints the Y-bias in km/s^2, where TDRS "
+            "Table 1 "
             "and BEACON Table 2 have m/s^2; the tropospheres differ too, 12 cm/day against "
             "12 cm/sqrt(day), of which the second is a random walk",
         ),

@@ -9,14 +9,16 @@ from rf_pointing.orbit.study import Knowledge
 from rf_pointing.report.picture_style import figure
 
 
-def draw_covariance(known: Knowledge, rtn_m: Array, tracked_until_t_s: float, title: str, path: Path) -> None:
+def draw_covariance(known: Knowledge, rtn_m: Array, tracked_until_t_s: float, title: str,
+    path: Path) -> None:  # fmt: skip
     """Write the picture of a covariance to `path`; `rtn_m` (n, 3) are the sigmas of the total."""
     hours = (known.t_s - known.t_s[0]) / 3600.0
     with figure(path, 11.0, 6.0) as drawn:
         sigmas, tracks = drawn.subplots(2, 1, sharex=True, gridspec_kw={"height_ratios": [4, 1]})
         for name, values in zip(("radial", "along the track", "across"), rtn_m.T, strict=True):
             sigmas.plot(hours, values, label=name)
-        sigmas.plot(hours, known.sigma_m(known.formal), "k--", lw=1.0, label="all three, noise alone")
+        sigmas.plot(hours, known.sigma_m(known.formal), "k--", lw=1.0,
+            label="all three, noise alone")  # fmt: skip
         sigmas.axvline((tracked_until_t_s - known.t_s[0]) / 3600.0, color="0.5", lw=1.0)
         sigmas.set_yscale("log")
         sigmas.set_ylabel("sigma, m")
