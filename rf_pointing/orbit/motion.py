@@ -1,153 +1,51 @@
-"""Orbital motion by numerical integration, and the turning Earth under it.
+"""Orbital motion by numerical integration, many orbits at once.
 
-    a = -GM r / r^3 + J2, J3, J4 in closed form
-
-Vallado, Fundamentals of Astrodynamics, 9.7.  Further forces (`forces`) are optional; the zonal
-harmonics are then those of the field, and the Earth is `POINT_MASS` here.
+    r'' = -GM r / r^3 + forces      (`forces`)
 
 Neighbouring trajectories are integrated together with the nominal one, so that partial derivatives
-with respect to the starting state are differences of orbits that took the same steps.
-
-Precession, nutation, polar motion and UT1-UTC are left out: inertial axes here are "true equator,
-mean equinox of date" to a few arc seconds, the same for simulated and estimated orbits.
+are differences of orbits that took the same steps.
 """
 
-import math
-from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rf_pointing.core import Params, as_finite_array, parameter
-from rf_pointing.core.constants import EARTH_MU_M3_S2, EARTH_RADIUS_M
+from rf_pointing.core import as_finite_array
+from rf_pointing.core.constants import EARTH_MU_M3_S2
 from rf_pointing.core.types import Array
-from rf_pointing.orbit.forces import Disturbances, sidereal_angle_rad, turned_about_pole
+from rf_pointing.orbit.forces import Disturbances
 
-_FLATTENING = 1.0 / 298.257223563
-# Central differences: the curvature of the orbit cancels, rounding stays below 1e-9 of the
-# partials.
-_STEP_M, _STEP_M_S = 10.0, 0.01
 # Millimetres after days; looser, and the differences of neighbouring orbits would show the
 # integrator.
 _RELATIVE_TOLERANCE = 1e-11
 
 
-def to_earth_fixed(vector: Array, t_s: ArrayLike) -> Array:
-    """Return inertial vectors (n, 3) in Earth-fixed axes; `to_inertial` is the inverse."""
-    return turned_about_pole(vector, -sidereal_angle_rad(t_s))
-
-
-def to_inertial(vector: Array, t_s: ArrayLike) -> Array:
-    """Return Earth-fixed vectors (n, 3) in inertial axes."""
-    return turned_about_pole(vector, sidereal_angle_rad(t_s))
-
-
-@dataclass(frozen=True, kw_only=True)
-class Site(Params):
-    """A tracking station on the WGS-84 ellipsoid."""
-
-    name: str = parameter(description="station name")
-    latitude_rad: float = parameter(
-        description="geodetic latitude", low=-math.pi / 2.0, high=math.pi / 2.0
-    )
-    longitude_rad: float = parameter(
-        description="longitude, east positive", low=-math.pi, high=2.0 * math.pi
-    )
-    height_m: float = parameter(0.0, "height above the ellipsoid", low=-500.0, high=9000.0)
-
-    def position_m(self) -> Array:
-        """Return the Earth-fixed position (3,)."""
-        # WGS-84: geodetic latitude, so the station is not on the line to the Earth's centre.
-        eccentricity2 = _FLATTENING * (2.0 - _FLATTENING)
-        sin_lat, cos_lat = math.sin(self.latitude_rad), math.cos(self.latitude_rad)
-        normal = EARTH_RADIUS_M / math.sqrt(1.0 - eccentricity2 * sin_lat**2)
-        across = (normal + self.height_m) * cos_lat
-        up = (normal * (1.0 - eccentricity2) + self.height_m) * sin_lat
-        return np.array(
-            [across * math.cos(self.longitude_rad), across * math.sin(self.longitude_rad), up]
-        )
-
-    def axes(self) -> Array:
-        """Return the rotation (3, 3) from Earth-fixed axes to east, north, up."""
-        sin_lat, cos_lat = math.sin(self.latitude_rad), math.cos(self.latitude_rad)
-        sin_lon, cos_lon = math.sin(self.longitude_rad), math.cos(self.longitude_rad)
-        return np.array(
-            [
-                [-sin_lon, cos_lon, 0.0],
-                [-sin_lat * cos_lon, -sin_lat * sin_lon, cos_lat],
-                [cos_lat * cos_lon, cos_lat * sin_lon, sin_lat],
-            ]
-        )
-
-
-@dataclass(frozen=True, kw_only=True)
-class Gravity(Params):
-    """Zonal harmonics of the attraction (JGM-3); zero switches one off."""
-
-    j2: float = parameter(1.08262668e-3, "second zonal harmonic", low=0.0, high=0.01)
-    j3: float = parameter(-2.53265649e-6, "third zonal harmonic", low=-1e-4, high=1e-4)
-    j4: float = parameter(-1.61962159e-6, "fourth zonal harmonic", low=-1e-4, high=1e-4)
+class Attraction(Protocol):
+    """The Earth's attraction, as far as it is not among the disturbances."""
 
     def acceleration(self, position_m: Array) -> Array:
         """Return the acceleration (..., 3) at positions (..., 3), m/s^2."""
-        # With u = 1/r^2, s = z^2 u and a, b, d the three harmonics; few operations, for the arrays
-        # are small.
-        z = position_m[..., 2]
-        u = 1.0 / np.einsum("...i,...i->...", position_m, position_m)
-        s = z * z * u
-        a = (1.5 * self.j2 * EARTH_RADIUS_M**2) * u
-        w = u * u
-        d = (0.625 * self.j4 * EARTH_RADIUS_M**4) * w
-        c = (2.5 * self.j3 * EARTH_RADIUS_M**3) * u
-        b = c * u * z
-        rest = a + 3.0 * b
-        scale = (-EARTH_MU_M3_S2) * u * np.sqrt(u)
-        across = 1.0 + rest - 3.0 * d + s * (d * (42.0 - 63.0 * s) - 5.0 * a - 7.0 * b)
-        result: Array = position_m * (scale * across)[..., np.newaxis]
-        result[..., 2] += scale * (z * (rest + a + d * (28.0 * s - 12.0)) - 0.6 * c)
-        return result
 
 
-POINT_MASS = Gravity(j2=0.0, j3=0.0, j4=0.0)
+class PointMass:
+    """An Earth without a shape."""
+
+    def acceleration(self, position_m: Array) -> Array:
+        """Return the acceleration (..., 3) at positions (..., 3), m/s^2."""
+        square = np.einsum("...i,...i->...", position_m, position_m)
+        return np.asarray(
+            -EARTH_MU_M3_S2 * position_m / (square * np.sqrt(square))[..., np.newaxis]
+        )
 
 
-@dataclass(frozen=True, eq=False)
-class Trajectory:
-    """States (n, 6) at `t_s` (n,); partials (n, 6, 6) by the first state, if requested."""
-
-    t_s: Array
-    states: Array
-    partials: Array | None
-
-
-def propagate(
-    epoch_t_s: float,
-    state: ArrayLike,
-    t_s: ArrayLike,
-    gravity: Gravity,
-    *,
-    with_partials: bool = False,
-    disturbances: Disturbances | None = None,
-) -> Trajectory:
-    """Integrate `state` (6,) at `epoch_t_s` to the times `t_s` (n,), sorted, on either side of the
-    epoch.
-
-    Raises ValueError for unsorted times and when the integrator gives up.
-    """
-    start, times = as_finite_array("state", state, (6,)), as_finite_array("t_s", t_s, (None,))
-    if np.any(np.diff(times) < 0.0):
-        raise ValueError("t_s must not decrease")
-    bundle = _bundle(start) if with_partials else start[np.newaxis]
-    result = propagate_together(
-        bundle, times - epoch_t_s, gravity, epoch_t_s=epoch_t_s, disturbances=disturbances
-    )
-    return Trajectory(times, result[:, 0], _differences(result) if with_partials else None)
+POINT_MASS = PointMass()
 
 
 def propagate_together(
     states: ArrayLike,
     elapsed_s: ArrayLike,
-    gravity: Gravity,
+    gravity: Attraction,
     *,
     epoch_t_s: float = 0.0,
     disturbances: Disturbances | None = None,
@@ -175,21 +73,10 @@ def propagate_together(
     return result
 
 
-def _bundle(start: Array) -> Array:
-    steps = np.diag([_STEP_M] * 3 + [_STEP_M_S] * 3)
-    return np.concatenate([start[np.newaxis], start + steps, start - steps])
-
-
-def _differences(bundle: Array) -> Array:
-    size = np.array([_STEP_M] * 3 + [_STEP_M_S] * 3)
-    slopes: Array = (bundle[:, 1:7] - bundle[:, 7:13]) / (2.0 * size[:, np.newaxis])
-    return np.swapaxes(slopes, 1, 2)
-
-
 def _integrate(
     bundle: Array,
     elapsed_s: Array,
-    gravity: Gravity,
+    gravity: Attraction,
     epoch_t_s: float,
     disturbances: Disturbances | None,
     scales: Array | None,

@@ -14,11 +14,12 @@ from scipy.optimize import brentq
 from rf_pointing.core.constants import EARTH_MU_M3_S2, EARTH_RADIUS_M, SPEED_OF_LIGHT_M_S
 from rf_pointing.core.types import Array
 from rf_pointing.orbit.forces import Disturbances, sidereal_angle_rad, sun_m
-from rf_pointing.orbit.measurements import Elements, StationMotion, measured_from
-from rf_pointing.orbit.motion import POINT_MASS, Site, propagate_together
+from rf_pointing.orbit.measurements import StationMotion, measured_from
+from rf_pointing.orbit.motion import POINT_MASS, propagate_together
 from rf_pointing.orbit.study import Before, Knowledge, Tracking, known_orbit
 from rf_pointing.papers.orbit_panel import Layer, Panel
 from rf_pointing.papers.row import Row
+from rf_pointing.papers.satcal_motion import Elements, Site, turning_station
 
 EPOCH_T_S = 757382400.0
 """1994-01-01; every longitude is held at this time."""
@@ -112,7 +113,7 @@ def _relay_state(longitude_deg: float, inclination_deg: float) -> Array:
 def _motions(names: tuple[str, ...], t_s: Array) -> dict[str, StationMotion]:
     places = {name: SITES[name] for name in names}
     return {
-        name: StationMotion.turning(
+        name: turning_station(
             t_s,
             Site(
                 name=name,

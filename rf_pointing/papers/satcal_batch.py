@@ -24,8 +24,16 @@ from rf_pointing.core import (
 )
 from rf_pointing.core.types import Array
 from rf_pointing.orbit.forces import Disturbances
-from rf_pointing.orbit.measurements import KINDS, measured, partials
-from rf_pointing.orbit.motion import Gravity, Site, Trajectory, propagate, to_inertial
+from rf_pointing.orbit.measurements import KINDS
+from rf_pointing.papers.satcal_motion import (
+    Gravity,
+    Site,
+    Trajectory,
+    measured,
+    partials,
+    propagate,
+    to_inertial,
+)
 
 _FEWEST, _SWEEPS, _DEGREE = 10, 4, 3
 

@@ -16,8 +16,8 @@ from rf_pointing.core import require_between
 from rf_pointing.core.constants import EARTH_MU_M3_S2, EARTH_RADIUS_M
 from rf_pointing.core.types import TURN, Array
 from rf_pointing.orbit.forces import EARTH_RATE_RAD_S
-from rf_pointing.orbit.measurements import Elements, measured
-from rf_pointing.orbit.motion import Gravity, Site, propagate_together, to_earth_fixed
+from rf_pointing.orbit.motion import propagate_together
+from rf_pointing.papers.satcal_motion import Elements, Gravity, Site, measured, to_earth_fixed
 
 _SEARCH_STEP_S = 30.0
 _HALF_WINDOW_S = 900.0

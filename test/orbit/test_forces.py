@@ -13,7 +13,8 @@ from rf_pointing.core.constants import EARTH_MU_M3_S2, EARTH_RADIUS_M
 from rf_pointing.orbit import forces
 from rf_pointing.orbit.forces import AU_M, EARTH_RATE_RAD_S, Disturbances, lit_share, moon_m, sidereal_angle_rad, sun_m
 from rf_pointing.orbit.geopotential import EGM96_RADIUS_M, attraction, coefficients
-from rf_pointing.orbit.motion import POINT_MASS, Gravity, propagate_together
+from rf_pointing.orbit.motion import POINT_MASS, propagate_together
+from rf_pointing.papers.satcal_motion import Gravity
 
 EPOCH = 827385062.07
 

@@ -6,9 +6,8 @@ from scipy.integrate import solve_ivp
 
 from rf_pointing.core.constants import EARTH_MU_M3_S2
 from rf_pointing.orbit.forces import Disturbances
-from rf_pointing.orbit.measurements import StationMotion
-from rf_pointing.orbit.motion import Site
 from rf_pointing.orbit.study import Before, Considered, Knowledge, Tracking, known_orbit
+from rf_pointing.papers.satcal_motion import Site, turning_station
 
 STATE = np.array([7.0e6, 2.0e5, -3.0e5, 400.0, 1200.0, 7400.0])
 EPOCH = 757382400.0
@@ -19,7 +18,7 @@ TIGHT = Before(position_m=1e-3, velocity_m_s=1e-6, radiation=1e-9, air=1e-9)
 def known(tracking: Tracking, before: Before, considered: Considered) -> Knowledge:
     t_s = EPOCH + np.arange(0.0, 30000.0, 60.0)
     motions = {
-        name: StationMotion.turning(t_s, Site(name=name, latitude_rad=latitude, longitude_rad=longitude))
+        name: turning_station(t_s, Site(name=name, latitude_rad=latitude, longitude_rad=longitude))
         for name, latitude, longitude in SITES
     }
     return known_orbit(

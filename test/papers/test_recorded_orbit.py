@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 from rf_pointing.core import random_stream
-from rf_pointing.orbit import forces, measurements, motion
+from rf_pointing.orbit import forces
 from rf_pointing.papers import satcal_batch as batch
-from rf_pointing.papers import satcal_looks
+from rf_pointing.papers import satcal_looks, satcal_motion
 from test.papers.recorded import DATA, Array, check_numbers, flat
 
-EPOCH, GRAVITY = 827385062.07, motion.Gravity()
-SITE = motion.Site(name="Lucknow", latitude_rad=0.47, longitude_rad=1.41, height_m=120.0)
-ORBIT = measurements.Elements(
+EPOCH, GRAVITY = 827385062.07, satcal_motion.Gravity()
+SITE = satcal_motion.Site(name="Lucknow", latitude_rad=0.47, longitude_rad=1.41, height_m=120.0)
+ORBIT = satcal_motion.Elements(
     semi_major_axis_m=7.21e6,
     eccentricity=0.012,
     inclination_rad=1.72,
@@ -45,7 +45,7 @@ def disturbances() -> Array:
 def perturbed() -> Array:
     air = forces.Disturbances(ballistic_m2_kg=1.0, air_density_kg_m3=1e-11, sun=True, moon=True)
     times = EPOCH + np.array([-2500.0, -10.0, 0.0, 0.0, 4000.0])
-    found = motion.propagate(EPOCH, ORBIT.state(), times, GRAVITY, disturbances=air, with_partials=True)
+    found = satcal_motion.propagate(EPOCH, ORBIT.state(), times, GRAVITY, disturbances=air, with_partials=True)
     assert found.partials is not None
     return flat(found.states, found.partials[[0, 4]])
 
@@ -63,15 +63,15 @@ def passes() -> Array:
 def looks() -> Array:
     seen = one_pass()
     rows = [2, len(seen.t_s) // 2, -1]
-    states = motion.propagate(EPOCH, ORBIT.state(), seen.t_s[rows], GRAVITY).states
+    states = satcal_motion.propagate(EPOCH, ORBIT.state(), seen.t_s[rows], GRAVITY).states
     slopes = (
         seen.azimuth_rate_rad_s, seen.elevation_rate_rad_s, seen.azimuth_acceleration_rad_s2,
         seen.elevation_acceleration_rad_s2,
     )  # fmt: skip
     return flat(
         seen.azimuth_rad[rows], seen.elevation_rad[rows], seen.range_m[rows], seen.range_rate_m_s[rows],
-        *(1e3 * slope[rows] for slope in slopes), measurements.measured(seen.t_s[rows], states, SITE),
-        1e6 * measurements.partials(seen.t_s[rows], states, SITE),
+        *(1e3 * slope[rows] for slope in slopes), satcal_motion.measured(seen.t_s[rows], states, SITE),
+        1e6 * satcal_motion.partials(seen.t_s[rows], states, SITE),
     )  # fmt: skip
 
 
@@ -83,7 +83,7 @@ def elements() -> Array:
         {"eccentricity": 0.3, "node_rad": 6.0, "perigee_rad": 0.1},
     ):
         orbit = ORBIT.replace(**change)
-        back = measurements.Elements.from_state(orbit.state())
+        back = satcal_motion.Elements.from_state(orbit.state())
         numbers += [*orbit.state(), back.semi_major_axis_m, back.eccentricity, back.inclination_rad, back.node_rad]
         numbers += [back.perigee_rad, back.mean_anomaly_rad]
     return np.array(numbers)

@@ -2,7 +2,6 @@ import numpy as np
 import pytest
 
 from rf_pointing.core import random_stream
-from rf_pointing.orbit.motion import Gravity
 from rf_pointing.papers.satcal_campaign import (
     APRIL_T_S,
     IRS_P3_APRIL,
@@ -14,6 +13,7 @@ from rf_pointing.papers.satcal_campaign import (
     points_of,
 )
 from rf_pointing.papers.satcal_looks import visits
+from rf_pointing.papers.satcal_motion import Gravity
 
 
 @pytest.fixture(scope="module")
