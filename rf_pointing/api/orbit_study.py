@@ -84,7 +84,7 @@ class OrbitCovariance:
 
     def draw(self, path: str | Path) -> None:
         """Draw the sigmas over time, and what each station tracks, into a PNG."""
-        from rf_pointing.report.orbit_picture import draw_covariance
+        from rf_pointing.report.plan_picture import draw_covariance
 
         draw_covariance(self.known, self.rtn_m, self.tracked_until_t_s, self.title, Path(path))
 
@@ -166,9 +166,10 @@ def orbit_covariance(
     prior = prior_of(elements, begin_s, ElementUncertainty(), MAX_AGE_S)
     motions = {}
     for one in stations:
-        name, site = (
-            (one.name, one.site) if isinstance(one, Station) else (one[0], Site.from_degrees(one[1], one[2], 0.0))
-        )
+        if isinstance(one, Station):
+            name, site = one.name, one.site
+        else:
+            name, site = one[0], Site.from_degrees(one[1], one[2], 0.0)
         if name in motions:
             raise ValueError(f"stations: {name!r} is given twice")
         motions[name] = motion_of_site(site, t_s)
@@ -177,6 +178,7 @@ def orbit_covariance(
         considered=considered, until_t_s=begin_s + 3600.0 * hours,
     )  # fmt: skip
     axes, (site_name, motion) = rtn_axes(known.states), next(iter(motions.items()))
+    # The picture and the text show positions, not velocities.
     turned = axes @ known.total[:, :3, :3] @ np.swapaxes(axes, 1, 2)
     title = f"{target.name} tracked by {', '.join(motions)} for {hours:g} h"
     return OrbitCovariance(

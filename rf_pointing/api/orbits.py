@@ -65,10 +65,8 @@ class DeterminedOrbit:
         states, tai_s = self.ephemeris.states, _tai_s(self.ephemeris.t_s)
         return OemTarget([OemSegment(
             name=self.elements.name, object_id=self._object_id, frame="TEME", tai_s=tai_s,
-            position_m=states[:, :3],
-            velocity_m_s=states[:, 3:], usable_from_s=float(tai_s[0]),
-            usable_to_s=float(tai_s[-1]), method="HERMITE",
-            degree=7,
+            position_m=states[:, :3], velocity_m_s=states[:, 3:], method="HERMITE", degree=7,
+            usable_from_s=float(tai_s[0]), usable_to_s=float(tai_s[-1]),
         )])  # fmt: skip
 
     @property
@@ -85,8 +83,10 @@ class DeterminedOrbit:
         """Return the orbit as a CCSDS OEM with a covariance (RTN axes) every ten minutes."""
         first_s, last_s = self.target.spans_t_s[0]
         at, tai_s = self.ephemeris, _tai_s(self.ephemeris.t_s)
+        # More often would fill the file: a covariance changes over a revolution.
         blocks = [
-            StateCovariance(float(tai_s[k]), "RTN", at.covariance[k]) for k in range(0, len(tai_s), COVARIANCE_STEPS)
+            StateCovariance(float(t_s), "RTN", matrix)
+            for t_s, matrix in zip(tai_s[::COVARIANCE_STEPS], at.covariance[::COVARIANCE_STEPS], strict=True)
         ]
         return oem_text(
             self.target, self._object_id, math.ceil(first_s), math.floor(last_s),
@@ -105,8 +105,8 @@ class DeterminedOrbit:
         found, values = self.found, dict(zip(self.found.names, self.found.values[0], strict=True))
         name, count = self.elements.name, len(found.passes)
         lines = [f"{name}: orbit from {count} passes, {found.iterations} iterations"]
-        spread, first = dict(zip(found.names, np.sqrt(np.diag(found.covariance()[0])),
-            strict=True)), 0  # fmt: skip
+        sigmas, first = np.sqrt(np.diag(found.covariance()[0])), 0
+        spread = dict(zip(found.names, sigmas, strict=True))
         for k, one in enumerate(found.passes):
             used = found.used[0, first : first + one.values[0].size]
             first += one.values[0].size
@@ -114,9 +114,8 @@ class DeterminedOrbit:
             clock = f"clock of pass {k + 1}"
             lines.append(
                 f"  pass {k + 1} {one.station} {to_utc_text(float(one.t_s[0]))[:19]}: "
-                f"{int(np.sum(used))} of {used.size} "
-                f"values, {noise:.1f} mdeg, clock {values[clock]:+.4f} s (sigma "
-                f"{spread[clock]:.4f})"
+                f"{int(np.sum(used))} of {used.size} values, {noise:.1f} mdeg, "
+                f"clock {values[clock]:+.4f} s (sigma {spread[clock]:.4f})"
             )
         if self.manoeuvre_t_s is not None:
             burn = np.array([values[name] for name in self.found.dynamics.names[7:10]])
@@ -125,9 +124,8 @@ class DeterminedOrbit:
         last_s = float(found.passes[-1].t_s[-1])
         for t_s in (last_s, float(self.ephemeris.t_s[-1])):
             radial, along, cross = self.sigmas_m(t_s)
-            lines.append(
-                f"  sigma {to_utc_text(t_s)[:19]}: radial {radial:.0f}, along {along:.0f}, cross {cross:.0f} m"
-            )
+            known = f"radial {radial:.0f}, along {along:.0f}, cross {cross:.0f} m"
+            lines.append(f"  sigma {to_utc_text(t_s)[:19]}: {known}")
         ahead_s = self.ahead_of_elements_s
         lines.append(
             f"  {abs(ahead_s):.3f} s {'ahead of' if ahead_s > 0.0 else 'behind'} its elements; "
@@ -168,8 +166,7 @@ class OrbitRequest:
         elements = self.target.found
         if not isinstance(elements, Elements):
             raise ValueError(f"{elements.name} has no mean elements, which the orbit begins with")
-        tracked = [(one, station) for path in self.paths for one, station in self._read(path,
-            elements)]  # fmt: skip
+        tracked = [pair for path in self.paths for pair in self._read(path, elements)]
         if not tracked:
             raise ValueError("files=[]: no pass, must be 1 or more")
         points, notes = [], []
@@ -181,32 +178,27 @@ class OrbitRequest:
             notes += [f"{data.station}: {left_out}"] if left_out else []
         if len(points) == 1:
             notes.append("one pass: 2 or more tell the period")
+        # A minute before, so that the first point lies inside the ephemeris.
         first_s = math.floor(min(float(one.t_s[0]) for one in points)) - STEP_S
         last_s = math.floor(max(float(one.t_s[-1]) for one in points))
         refuse_leap_second(first_s, last_s + 3600.0 * self.predict_hours)
         prior = prior_of(elements, first_s, ElementUncertainty(), self.max_age_s)
-        dynamics = Dynamics(forces=forces_of(elements, prior.states[0]),
-            manoeuvre_t_s=self.manoeuvre_t_s)  # fmt: skip
-        found = checked_orbit(prior, points, dynamics, self._priors([station for _,
-            station in tracked]))  # fmt: skip
+        forces = forces_of(elements, prior.states[0])
+        dynamics = Dynamics(forces=forces, manoeuvre_t_s=self.manoeuvre_t_s)
+        found = checked_orbit(prior, points, dynamics, self._priors())
         t_s = np.arange(first_s, last_s + 3600.0 * self.predict_hours + STEP_S, STEP_S)
         ephemeris = Ephemeris.of(found, t_s)
         # After a manoeuvre no elements can follow both sides of it.
         after = t_s >= (self.manoeuvre_t_s or -math.inf)
-        fresh, rms_m = mean_elements(
-            elements,
-            float(last_s),
-            t_s[after],
-            ephemeris.states[after, :3],
-            float(found.values[0, 6]),
-        )
+        places, air_factor = ephemeris.states[after, :3], float(found.values[0, 6])
+        fresh, rms_m = mean_elements(elements, float(last_s), t_s[after], places, air_factor)
         return DeterminedOrbit(fresh, rms_m, ephemeris, found, tuple(notes), self.manoeuvre_t_s)
 
-    def _priors(self, stations: Sequence[Station]) -> Priors:
+    def _priors(self) -> Priors:
         # A model leaves little, whatever the beam.
         own = [
             CALIBRATED_MDEG if any(one.model.coefficients.values()) else 100.0 * one.beamwidth_deg
-            for one in stations
+            for one in self.stations
         ]  # fmt: skip
         bias_rad = MDEG * (max(own) if self.bias_mdeg is None else self.bias_mdeg)
         return Priors(clock_s=self.clock_s, azimuth_bias_rad=bias_rad, elevation_bias_rad=bias_rad)
@@ -282,10 +274,9 @@ def orbit_from_passes(
     >>> print(orbit)
     """
     paths = [Path(data)] if isinstance(data, str | Path) else [Path(one) for one in data]
+    own = [stations] if isinstance(stations, Station) else list(stations)
     return OrbitRequest(
-        paths=paths, stations=[stations] if isinstance(stations, Station) else list(stations),
-        target=target,
-        manoeuvre_t_s=time_s("manoeuvre", manoeuvre, manoeuvre_t_s), predict_hours=predict_hours,
-        clock_s=clock_s,
-        bias_mdeg=bias_mdeg, refraction_removed=refraction_removed,
+        paths=paths, stations=own, target=target, predict_hours=predict_hours, clock_s=clock_s,
+        manoeuvre_t_s=time_s("manoeuvre", manoeuvre, manoeuvre_t_s), bias_mdeg=bias_mdeg,
+        refraction_removed=refraction_removed,
     ).run()  # fmt: skip

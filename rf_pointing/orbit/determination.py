@@ -150,6 +150,7 @@ class Dynamics:
         # Drag, field and radiation act in proportion: one side is exact enough.
         central[[6, -2, -1]] = False
         moves = np.concatenate([steps[0], steps[1], -steps[1][central]]) * size
+        # Consider parameters stay nominal: no field beyond its degree, radiation as modelled.
         nominal = np.concatenate([values, np.broadcast_to([0.0, 1.0], (len(values), 2))], axis=1)
         every = self._together(epoch_t_s, nominal + moves[:, np.newaxis], t_s)
         ahead = every[1 : 1 + len(size)]
@@ -164,6 +165,7 @@ class Dynamics:
 
     def _together(self, epoch_t_s: float, values: Array, t_s: Array) -> Array:
         flat = values.reshape(-1, values.shape[-1])
+        # In the order of `forces.SCALES`.
         scales = np.stack([flat[:, 6], flat[:, -1], flat[:, -2]], axis=1)
         whole = np.empty((len(t_s), len(flat), 6))
         start, begin_s, parts = flat[:, :6], epoch_t_s, [np.ones(len(t_s), dtype=bool)]
@@ -172,6 +174,7 @@ class Dynamics:
         for leg, part in enumerate(parts):
             wanted = t_s[part] - begin_s
             last = leg == len(parts) - 1
+            # The first leg ends with the state at the manoeuvre, which the second begins with.
             if not last:
                 wanted = np.append(wanted, float(self.manoeuvre_t_s or 0.0) - begin_s)
             if len(wanted):
@@ -223,6 +226,7 @@ class Orbits:
         moving = len(self.dynamics.names)
         states, slopes = self.dynamics.flow(self.prior.epoch_t_s, self.values[:, :moving], t_s)
         own = slopes[..., :moving]
+        # Biases of passes are correlated with the orbit, and do not move it.
         known = np.einsum("tnij,tjk,tnlk->tnil", own, self.formal[:, :moving, :moving], own)
         effect = np.einsum("tnij,tjc->tnic", own, self.sensitivity[:, :moving])
         # The field and radiation move the orbit beyond what they have spoiled in the fit.
@@ -261,6 +265,7 @@ def orbit_changes(state: Array) -> Array:
     n = math.sqrt(EARTH_MU_M3_S2 / radius**3)
     # Hill: radial a - e_x cos + ..., along -1.5 n a t; velocities in inertial axes.
     change = np.zeros((6, 6))
+    # The axes of velocity do not turn here: v = d/dt + n x r.
     change[:3, :] = [[1, -1, 0, 0, 0, 0], [0, 0, -2, 1, 0, 0], [0, 0, 0, 0, 1, 0]]
     change[3:, :] = n * np.array([[0, 0, 1, -1, 0, 0], [-0.5, 1, 0, 0, 0, 0], [0, 0, 0, 0, 0, 1]])
     axes = rtn_axes(state)
@@ -274,6 +279,7 @@ def covariance_of_elements(state: Array, age_s: float, model: ElementUncertainty
     """
     along, cross, radial = model.sigmas_m(age_s)
     n = math.sqrt(EARTH_MU_M3_S2 / float(np.linalg.norm(state[:3])) ** 3)
+    # A wrong axis by da is -1.5 n da along the track each second.
     growth_m_s = model.along_growth_m_s + 2.0 * model.along_drag_m_s2 * abs(age_s)
     axis = math.hypot(growth_m_s / (1.5 * n), _LEAST_AXIS_SIGMA_M)
     change = orbit_changes(state) * np.array([axis, radial, radial, along, cross, cross])
@@ -358,6 +364,7 @@ class _Rows:
             rates = np.zeros((*calculated.shape[:-1], 4))
             rates[..., 0], rates[..., 1] = one.motion.angle_rates(seen)
             rates[..., 2] = calculated[..., 3]
+            # The oscillators err by far more than a clock of milliseconds makes of this.
             rates[..., 3] = np.gradient(calculated[..., 3], one.t_s, axis=1)
             # A late clock writes a time at which the satellite is further on.
             partials[..., place] = -rates[..., columns]
@@ -371,6 +378,7 @@ class _Rows:
                 considered[..., one.kinds.index("elevation_rad"), station] = one.bending_rad
             own = partials[..., place : place + 1 + len(columns)]
             mine = values[:, np.newaxis, np.newaxis, place : place + 1 + len(columns)]
+            # Linear in the biases: a clock of 0.1 s curves an angle by 0.1 mdeg.
             residual = one.values - calculated[..., columns] - np.sum(own * mine, axis=-1)
             if "azimuth_rad" in one.kinds:
                 k = one.kinds.index("azimuth_rad")
@@ -416,6 +424,7 @@ def determine(
     rows = _Rows(dynamics, ordered, priors)
     trials, p = len(prior.states), len(rows.names)
     known = np.zeros((trials, p))
+    # Biases are unknown around zero, the drag around that of B*.
     known[:, :6], known[:, 6] = prior.states, 1.0
     root = np.linalg.inv(np.linalg.cholesky(rows.prior_covariance(prior.covariance, loose)))
     values, weight = known.copy(), np.ones((trials, len(rows.own)))
@@ -428,6 +437,7 @@ def determine(
             np.concatenate([partials, considered, residual[..., np.newaxis]], axis=-1)
             * share[..., np.newaxis]
         )
+        # The prior counts from where the iteration stands, not from where it began.
         before = np.zeros((trials, p, data.shape[-1]))
         before[..., :p], before[..., -1] = root, (known - values) @ root.T
         found = triangular(np.concatenate([before, data], axis=1), p)
@@ -439,6 +449,7 @@ def determine(
         )
         step = estimate.values
         values = values + step
+        # Residuals after the step, by linear theory: an orbit less to integrate.
         after = residual - np.einsum("trp,tp->tr", partials, step)
         settled = (
             np.max(np.abs(step) / np.sqrt(np.einsum("tii->ti", estimate.formal))) < _SETTLED_SIGMA

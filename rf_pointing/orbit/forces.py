@@ -97,6 +97,7 @@ class Disturbances(Params):
 
         `scales` (m, 3) are the factors `SCALES` of each; None: the nominal ones.
         """
+        # One bundle holds orbits of several forces: their differences are partials.
         factors = np.broadcast_to(NOMINAL_SCALES, (len(states), 3)) if scales is None else scales
         total = np.zeros((len(states), 3))
         if self.ballistic_m2_kg > 0.0:

@@ -80,6 +80,7 @@ def _weights(first: int, last: int) -> ComplexArray:
         row = (n + 1) * (n + 2) // 2
         for m in range(n + 1):
             c = coefficients()[n, m]
+            # The derivatives of a harmonic are harmonics of the next degree.
             weights[2, row + m] -= (n - m + 1) * c
             half = 1.0 if m == 0 else 0.5
             weights[:2, row + m + 1] -= half * c
@@ -96,6 +97,7 @@ def _harmonics(position_m: Array, degree: int) -> ComplexArray:
     up, ratio = EGM96_RADIUS_M * position_m[:, 2] / square, EGM96_RADIUS_M**2 / square
     rows = np.zeros((degree + 1, degree + 1, len(square)), dtype=np.complex128)
     rows[0, 0] = np.sqrt(ratio)
+    # A whole degree at once: loops over orders would cost more than the arithmetic.
     for n in range(1, degree + 1):
         m = np.arange(n)[:, np.newaxis]
         rows[n, n] = (2 * n - 1) * across * rows[n - 1, n - 1]

@@ -59,6 +59,7 @@ def from_teme(t_s: Array, orientation: EarthOrientationSource | None = None) -> 
     columns = []
     for axis in np.eye(3):
         unit = tuple(still + value for value in axis)
+        # Directions alone: derivatives of the turning axes are not needed.
         none = (still, still, still)
         columns.append(
             np.stack(
@@ -117,6 +118,7 @@ def points_of(
             f"must be "
             f">= {FEWEST_POINTS} ({report.text()})"
         )
+    # Medians: a few wild samples of a point do not move it.
     pieces = np.split(np.arange(len(t_s)), firsts[1:])
     # From the first sample on: times since 1970 would lose their microseconds in a sum.
     times = t_s[0] + np.array([np.mean(t_s[rows] - t_s[0]) for rows in pieces])
@@ -134,6 +136,7 @@ def points_of(
         sigmas.append(max(noise, _LEAST_SIGMA[kind]))
     angles = columns["azimuth_rad"], columns["elevation_rad"]
     azimuth, elevation = model.remove(*angles, *at.motion()[2:])
+    # A dish over the top looks at the other side of its axis.
     over = elevation > 0.5 * math.pi
     azimuth, elevation = (
         np.where(over, azimuth + math.pi, azimuth),
@@ -191,6 +194,7 @@ def checked_orbit(
             f"clock of pass {name} is {late_s:+.3f} s off the other passes, must be within "
             f"{limit_s:g} s ({WRONG_BIAS_SIGMA:g} sigma)"
         )
+    # Two passes that disagree do not tell which is wrong.
     for k, one in enumerate(ordered if len(ordered) > 2 else ()):
         _, still = _tried(prior, [*ordered[:k], *ordered[k + 1 :]], dynamics, priors)
         if not still:
@@ -231,6 +235,7 @@ def _tried(
     for k, one in enumerate(found.passes):
         used = found.used[0, first : first + one.values[0].size]
         first += one.values[0].size
+        # Noise and biases within their priors leave residuals up to this.
         allowed = np.hypot(one.sigma, [priors.bias(kind) for kind in one.kinds]) / one.sigma
         most = MISFIT_SIGMA * float(np.max(allowed[:2]))
         if found.scale[0, k] > most:
@@ -290,6 +295,7 @@ def mean_elements(
     """
     from scipy.optimize import least_squares
 
+    # SGP4 keeps the mean elements of its last call: where the drift of ten days has brought them.
     record = old.satrec()
     leap_s = leap_seconds().tai_minus_utc_s(epoch_t_s) - leap_seconds().tai_minus_utc_s(
         old.epoch_t_s
@@ -311,6 +317,7 @@ def mean_elements(
     )
 
     def made(p: Array) -> Elements:
+        # A circle has no perigee: its vector has no singularity there.
         perigee = math.atan2(p[2], p[1])
         return replace(
             fresh,

@@ -65,6 +65,7 @@ class SquareRootFilter:
         m, noise = (
             np.broadcast_to(np.asarray(one, dtype=np.float64), (k,)) for one in (decay, sigma)
         )
+        # p' - m p = w, a measurement of the old and the new value at once.
         renewed = np.zeros((k, self._rows.shape[1]))
         renewed[np.arange(k), which] = 1.0 / noise
         before = self._rows.copy()
@@ -86,6 +87,7 @@ class SquareRootFilter:
                 name for name, one in zip(self.names, share, strict=True) if one < RANK_TOLERANCE
             ]
             raise ValueError(f"the measurements do not determine {', '.join(lost)}")
+        # The root is inverted, not the normal equations: half the digits are lost.
         inverse = np.linalg.inv(root)
         return Estimate(
             inverse @ self._rows[:, -1], inverse @ inverse.T, -inverse @ self._rows[:, p:-1]

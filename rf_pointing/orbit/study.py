@@ -174,6 +174,7 @@ def known_orbit(
     orbit |= dict.fromkeys(dynamics.names[7:], prior.burn_m_s)
     orbit["radiation"] = prior.radiation
     names = [f"{kind} of {name}" for name in stations for kind, _, _ in tracking.kinds]
+    # Stochastic parameters lead: they are renewed between epochs.
     wandering = len(names)
     sigmas = [bias for _ in stations for _, _, bias in tracking.kinds]
     if tracking.satellite_clock_m:
@@ -196,6 +197,7 @@ def known_orbit(
     for k in np.flatnonzero(np.any(tracked, axis=0)).tolist():
         kept = math.exp(-(float(t_s[k]) - last_s) / tracking.memory_s) if tracking.memory_s else 0.0
         if t_s[k] > last_s:
+            # A white clock forgets all.
             decay = np.array([kept] * wandering + [0.0] * (fixed - wandering))
             rows.advance(np.arange(fixed), decay, np.array(sigmas) * np.sqrt(1.0 - decay**2))
         last_s = float(t_s[k])
@@ -208,6 +210,7 @@ def known_orbit(
                 )
     estimate = rows.estimate()
     place = slice(fixed, fixed + len(orbit))
+    # Errors of the Earth and of stations act through the estimate, those of its field directly too.
     shift = own @ estimate.sensitivity[place]
     shift[..., : len(_EARTH)] += dynamic
     coordinates = [(station_m or {}).get(name, rest.station_m) for name in stations]
@@ -266,7 +269,9 @@ class _Station:
         self.motion, columns = motion, [KINDS.index(kind) for kind, _, _ in tracking.kinds]
         measured = measured_from(states, motion)
         self.up = measured[:, 1] >= tracking.lowest_rad
+        # Below the horizon nothing is measured, and the delay must stay finite.
         sine = np.maximum(np.sin(measured[:, 1]), math.sin(math.radians(0.5)))
+        # An azimuth errs by 1 / cos(El) more than the angle on the sky.
         self.sky = np.where(np.array(columns) == 0, 1.0 / np.cos(measured[:, 1:2]), 1.0)
         self.partials = partials_from(states, motion)[:, columns]
         self.delay = np.where(np.array(columns) == 2, 1.0 / sine[:, np.newaxis], 0.0)
