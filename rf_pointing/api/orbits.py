@@ -86,7 +86,7 @@ class DeterminedOrbit:
         # More often would fill the file: a covariance changes over a revolution.
         blocks = [
             StateCovariance(float(t_s), "RTN", matrix)
-            for t_s, matrix in zip(tai_s[::COVARIANCE_STEPS], at.covariance[::COVARIANCE_STEPS], strict=True)
+            for t_s, matrix in list(zip(tai_s, at.covariance, strict=True))[::COVARIANCE_STEPS]
         ]
         return oem_text(
             self.target, self._object_id, math.ceil(first_s), math.floor(last_s),
