@@ -228,20 +228,24 @@ def read_omm_kvn(text: str, _name: str = "") -> Found:
 
 def omm_text(elements: Elements, *, originator: str, created_t_s: float) -> str:
     """Return the elements as an OMM in KVN; `read_omm_kvn` is the inverse."""
-    per_day, degree = 2.0 * math.pi / DAY_S, math.degrees
+    per_day = 2.0 * math.pi / DAY_S
+    angles = {
+        "INCLINATION": elements.inclination_rad, "RA_OF_ASC_NODE": elements.ascending_node_rad,
+        "ARG_OF_PERICENTER": elements.argument_of_perigee_rad,
+        "MEAN_ANOMALY": elements.mean_anomaly_rad,
+    }  # fmt: skip
+    number, dot = elements.catalogue_number, elements.mean_motion_dot_rad_s2 / per_day * DAY_S
     fields = {
         "CCSDS_OMM_VERS": "2.0", "CREATION_DATE": to_utc_text(created_t_s), "ORIGINATOR": originator,
-        "OBJECT_NAME": elements.name, "OBJECT_ID": elements.international_designator or str(elements.catalogue_number),
-        "CENTER_NAME": "EARTH", "REF_FRAME": "TEME", "TIME_SYSTEM": "UTC", "MEAN_ELEMENT_THEORY": "SGP4",
-        "EPOCH": to_utc_text(elements.epoch_t_s), "MEAN_MOTION": f"{elements.mean_motion_rad_s / per_day:.12f}",
-        "ECCENTRICITY": f"{elements.eccentricity:.12f}", "INCLINATION": f"{degree(elements.inclination_rad):.10f}",
-        "RA_OF_ASC_NODE": f"{degree(elements.ascending_node_rad):.10f}",
-        "ARG_OF_PERICENTER": f"{degree(elements.argument_of_perigee_rad):.10f}",
-        "MEAN_ANOMALY": f"{degree(elements.mean_anomaly_rad):.10f}",
-        "EPHEMERIS_TYPE": "0", "CLASSIFICATION_TYPE": elements.classification,
-        "NORAD_CAT_ID": str(elements.catalogue_number), "ELEMENT_SET_NO": str(elements.element_set_number),
-        "REV_AT_EPOCH": str(elements.revolution_number), "BSTAR": f"{elements.drag_per_earth_radius:.10e}",
-        "MEAN_MOTION_DOT": f"{0.5 * elements.mean_motion_dot_rad_s2 / per_day * DAY_S:.10e}",
+        "OBJECT_NAME": elements.name, "OBJECT_ID": elements.international_designator or number,
+        "CENTER_NAME": "EARTH", "REF_FRAME": "TEME", "TIME_SYSTEM": "UTC",
+        "MEAN_ELEMENT_THEORY": "SGP4", "EPOCH": to_utc_text(elements.epoch_t_s),
+        "MEAN_MOTION": f"{elements.mean_motion_rad_s / per_day:.12f}",
+        "ECCENTRICITY": f"{elements.eccentricity:.12f}",
+        **{name: f"{math.degrees(value):.10f}" for name, value in angles.items()},
+        "EPHEMERIS_TYPE": 0, "CLASSIFICATION_TYPE": elements.classification, "NORAD_CAT_ID": number,
+        "ELEMENT_SET_NO": elements.element_set_number, "REV_AT_EPOCH": elements.revolution_number,
+        "BSTAR": f"{elements.drag_per_earth_radius:.10e}", "MEAN_MOTION_DOT": f"{0.5 * dot:.10e}",
         "MEAN_MOTION_DDOT": f"{elements.mean_motion_ddot_rad_s3 / 6.0 / per_day * DAY_S**2:.10e}",
     }  # fmt: skip
     return "".join(f"{key} = {value}\n" for key, value in fields.items())

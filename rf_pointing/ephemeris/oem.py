@@ -202,8 +202,8 @@ WRITTEN_STEP_S = 60.0
 
 
 def oem_text(
-    target: TargetSource, object_id: str, start_t_s: float, end_t_s: float, *, originator: str, created_t_s: float,
-    covariances: Sequence[StateCovariance] = (),
+    target: TargetSource, object_id: str, start_t_s: float, end_t_s: float, *, originator: str,
+    created_t_s: float, covariances: Sequence[StateCovariance] = (),
 ) -> str:  # fmt: skip
     """Return the message of a target's motion between two UTC times; `read_oem` is the inverse.
 
@@ -241,9 +241,11 @@ def oem_text(
 def _covariance_lines(covariances: Sequence[StateCovariance]) -> list[str]:
     lines = ["", "COVARIANCE_START"] if covariances else []
     for one in covariances:
-        lines += [f"EPOCH = {to_utc_text(utc_from_tai_s(one.tai_s))}", f"COV_REF_FRAME = {one.frame}"]
+        epoch = to_utc_text(utc_from_tai_s(one.tai_s))
+        lines += [f"EPOCH = {epoch}", f"COV_REF_FRAME = {one.frame}"]
         # Metres to km: the lower triangle, a line for each row.
-        lines += [" ".join(f"{value:.9e}" for value in row[: k + 1]) for k, row in enumerate(one.matrix * 1e-6)]
+        for k, row in enumerate(one.matrix * 1e-6):
+            lines.append(" ".join(f"{value:.9e}" for value in row[: k + 1]))
     return [*lines, "COVARIANCE_STOP"] if covariances else []
 
 
