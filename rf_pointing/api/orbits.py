@@ -36,7 +36,7 @@ from rf_pointing.orbit.passes import (
 )
 from rf_pointing.station.campaign import recorded_input
 
-STEP_S, COVARIANCE_STEPS = 60.0, 10
+STEP_S, COVARIANCE_STEPS, BEFORE_S = 60.0, 10, 600.0
 CALIBRATED_MDEG = 5.0
 """Sigma of the angles' bias under a bias model; without a model it is a tenth of the beam."""
 
@@ -178,8 +178,8 @@ class OrbitRequest:
             notes += [f"{data.station}: {left_out}"] if left_out else []
         if len(points) == 1:
             notes.append("one pass: 2 or more tell the period")
-        # A minute before, so that the first point lies inside the ephemeris.
-        first_s = math.floor(min(float(one.t_s[0]) for one in points)) - STEP_S
+        # The first pass can be flown again: an antenna slews before it.
+        first_s = math.floor(min(float(one.t_s[0]) for one in points)) - BEFORE_S
         last_s = math.floor(max(float(one.t_s[-1]) for one in points))
         refuse_leap_second(first_s, last_s + 3600.0 * self.predict_hours)
         prior = prior_of(elements, first_s, ElementUncertainty(), self.max_age_s)
