@@ -31,6 +31,7 @@ SIBLINGS = {
     "operations": {"icalendar"},
     "drives": BASE | {"serial"},
     # The last two are optional: their sources say what to install.
+    "designate": SIBLING,
     "receiver": SIBLING | {"serial", "zmq", "SoapySDR"},
 }
 COMPOSED = set().union(*SIBLINGS.values())
@@ -61,6 +62,8 @@ ALLOWED_ROOMS = {
     **{room: {"core"} for room in SIBLINGS},
     # A schedule turns the antenna between passes by the rules of planning.
     "operations": {"core", "planning"},
+    # Places on the Earth are those of the sites.
+    "designate": {"core", "ephemeris"},
     # Noise and level as the simulated receiver has them.
     "receiver": {"core", "rf"},
     # Passes and the mount's model are those of a calibration; frames and elements are of ephemeris.
