@@ -46,6 +46,8 @@ EXECUTABLES = {
         "launch",
         "link_budget",
         "new_station",
+        "orbit_covariance",
+        "orbit_from_passes",
         "plan_calibration",
         "plan_passes",
         "report",

@@ -32,6 +32,7 @@ QUICK = {
     "ka_model": "model.yaml",
     "keyhole": "--passes 2",
     "near_the_sun": "--passes 1 --apart 2.0 --station leo_3m7",
+    "orbit_from_passes": "--trials 5 --at-once 5",
     "night": "--hours 0.5 --satellites 3 --station leo_3m7",
     "pass_search": "--objects 20",
     "period_calls": "",

@@ -27,6 +27,7 @@ SIBLINGS = {
     "planning": SIBLING,
     "identification": SIBLING,
     "radiometry": SIBLING,
+    "orbit": SIBLING,
     "operations": {"icalendar"},
     "drives": BASE | {"serial"},
     # The last two are optional: their sources say what to install.
@@ -65,6 +66,8 @@ ALLOWED_ROOMS = {
     "designate": {"core", "ephemeris"},
     # Noise and level as the simulated receiver has them.
     "receiver": {"core", "rf"},
+    # Passes and the mount's model are those of a calibration; frames and elements are of ephemeris.
+    "orbit": {"core", "calibration", "ephemeris"},
     # Fluxes of bodies and patterns of beams are those of the link budget.
     "radiometry": {"core", "rf"},
     "station": {"core", *SIBLINGS},
