@@ -37,6 +37,7 @@ if TYPE_CHECKING:
         JointTrajectory,
         MonopulseCluster,
         PointingError,
+        SkyUncertainty,
         Target,
     )
 

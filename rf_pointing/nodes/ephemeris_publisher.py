@@ -90,7 +90,7 @@ class EphemerisPublisher(StationNode):
     def _publish(self, now_s: float) -> None:
         found = self.prediction.target_at(now_s)
         if found is not None:
-            self._targets.publish(convert.target_to_message(*found))
+            self._targets.publish(convert.target_to_message(found))
 
     def _show(self, passes: list[Pass] | None, profiles: list[PassProfile]) -> None:
         stamp = stamp_from_seconds(self.now_s())

@@ -192,7 +192,8 @@ def simulate_pass(
     # Before the controller starts: its certificate begins at the axes' present angles.
     antenna.enable()
     log = PassLog()
-    pointed = PointedAntenna(antenna, controller, track, start_t_s, window.aos_t_s - EARLY_TARGET_S)
+    law = setup.sets("ephemeris_publisher")["uncertainty"]
+    pointed = PointedAntenna(antenna, controller, track, start_t_s, window.aos_t_s - EARLY_TARGET_S, law)
     controller.plan.take_profiles([pass_profile(track, window)])
     controller.start(start_t_s, window, sensor, scan)
     log.certificate = controller.plan.certificate

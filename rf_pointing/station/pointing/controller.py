@@ -140,8 +140,13 @@ class PointingController:
 
     def take_target(self, target: Target) -> None:
         """Note where the target will be; other targets are ignored."""
-        if self._pass is not None and target.name == self._pass.name:
-            self._motion.targets.add(target)
+        if self._pass is None or target.name != self._pass.name:
+            return
+        self._motion.targets.add(target)
+        if target.uncertainty is not None:
+            right = target.azimuth_rate_rad_s * math.cos(target.elevation_rad)
+            sky = SkyMotion(right, target.elevation_rate_rad_s, target.range_m)
+            self.corrections.know(target.uncertainty, sky, self.plan.path)
 
     def take_error(self, error: PointingError) -> None:
         """Note what a sensor measured; only those that the pass may use count.
@@ -416,6 +421,7 @@ class PointingController:
         correction = self.corrections.correction_rad(t_s)
         sky = self._motion.sky_rad(t_s, window, correction)
         axis_error = np.zeros(2) if axes.error_rad is None else axes.error_rad
+        offset = self.corrections.shown_rad(t_s)
         shown = np.array([error.cross_elevation_rad, error.elevation_rad]) if sensed and error else axis_error
         return TrackingStatus(
             t_s=t_s,
@@ -429,8 +435,8 @@ class PointingController:
             scan_centre_rad=centre,
             cross_elevation_error_rad=float(shown[0]),
             elevation_error_rad=float(shown[1]),
-            cross_elevation_offset_rad=float(correction[0]),
-            elevation_offset_rad=float(correction[1]),
+            cross_elevation_offset_rad=float(offset[0]),
+            elevation_offset_rad=float(offset[1]),
             carrier_to_noise_db_hz=error.carrier_to_noise_db_hz if error else 0.0,
             half_power_beamwidth_rad=self.corrections.half_power_beamwidth_rad,
             command_lead_s=self.params.pointing.horizon_s if window else 0.0,

@@ -32,6 +32,7 @@ from rf_pointing.planning.forbidden_sky import ForbiddenSky, angle_between
 from rf_pointing.station.pointing.branch import TrackingBranch
 from rf_pointing.station.pointing.certificates import PlanningRules, certificate_of
 from rf_pointing.station.pointing.prediction import axis_motion
+from rf_pointing.tracking import TrackPath
 
 # Times of a pass and of its profile differ by less: they may have been computed from other
 # elements.
@@ -128,6 +129,8 @@ class PassPlan:
         self.profile: PassProfile | None = None
         self._slew, self._goal = self._path(), np.full(2, math.inf)
         self._meeting = NO_MEETING
+        self.path: TrackPath | None = None
+        """The pass in hand on the sky, for a target that is early or late."""
         self.permit: SunPermit | None = None
         """Permission that the pass needs."""
 
@@ -154,7 +157,8 @@ class PassPlan:
         if profile is None:
             raise ValueError(f"this pass of {window.name} has no profile")
         self._check_sun(profile)
-        self.profile = profile.resampled()
+        self.profile = fine = profile.resampled()
+        self.path = TrackPath(fine.t_s, fine.position_rad, fine.range_m, self.sun.site.latitude_rad)
         azimuth, elevation = joints.position_rad.tolist()
         machine, permit = self.machine, self.sun.permitted(t_s)
         ahead = self.profile.t_s >= t_s

@@ -9,15 +9,15 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from rf_pointing import ephemeris
-from rf_pointing.core import Params, Target, parameter
+from rf_pointing.core import Params, SkyUncertainty, Target, parameter
 from rf_pointing.core.dates import DAY_S, utc_text
 from rf_pointing.core.parameters import leaves
 from rf_pointing.ephemeris import (
     ElementUncertainty,
     Pass,
     SatelliteAntennaParams,
-    SkyUncertainty,
     TopocentricTrack,
+    known_target,
     stale_warning,
 )
 from rf_pointing.ephemeris.element_updates import ElementUpdates
@@ -99,21 +99,21 @@ class PredictedTarget:
         self._keep()
         return self.passes
 
-    def target_at(self, now_s: float) -> tuple[Target, SkyUncertainty | None] | None:
+    def target_at(self, now_s: float) -> Target | None:
         """Return what is published at `now_s`, None between passes and while it is unknown."""
         # Whole microseconds, as stamps are: the target is that of its own stamp.
         t_s = round(now_s + self.params.lead_s, 6)
         if not (self._near_a_pass(t_s, self.params.margin_s) and self.track.covers(t_s)):
             return None
         try:
-            target = self.track.target_at(t_s)
+            target = known_target(self.track, t_s, self.uncertainty)
         except ValueError as error:
             # What is set while the node runs may need more than elements or an ephemeris can give.
             self._unknown = str(error)
             self._log_once("no target is published", str(error))
             return None
         self._unknown = ""
-        return target, self._sky(t_s)
+        return target
 
     def set(self, source: SourceParams, now_s: float) -> None:
         """Bring offsets, hold, refraction and antenna into force."""
@@ -262,9 +262,7 @@ class PredictedTarget:
             return str(error)
 
     def _sky(self, t_s: float) -> SkyUncertainty | None:
-        """Return the uncertainty of the elements on the sky, None for a target without elements."""
-        if not isinstance(getattr(self.track.target, "elements", None), ephemeris.Elements):
-            return None
+        """Return how uncertain the target is, None where nothing is known of it."""
         try:
             return ephemeris.sky_uncertainty(self.track, t_s, self.uncertainty)
         except ValueError as error:
