@@ -27,7 +27,7 @@ LONGEST_GAP_S = 0.5
 # No mount turns so far from its encoders' zero: such a reading is not an angle.
 FARTHEST_RAD = 10.0 * 2.0 * math.pi
 LEAST_KNOWN_RAD, LEAST_KNOWN_S = math.pi, 3600.0
-"""Standard deviations of a direction and of the time along an orbit beyond which nothing is known."""
+"""Standard deviations of a direction and of a time along the orbit: of more nothing is known."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

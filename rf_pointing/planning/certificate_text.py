@@ -53,6 +53,12 @@ def certificate_lines(certificate: Certificate) -> list[str]:
     for fixed in certificate.machine.fixed_elevation_rad:
         verdict += f"; elevation fixed at {math.degrees(fixed):.1f} deg: {chosen.lost_s:.0f} s below half power"
     verdict += f"; expected pointing loss {chosen.mean_loss_db:.2f} dB"
+    if chosen.held_s is not None and chosen.held_90_s is not None and chosen.loss_90_db is not None:
+        verdict += (
+            f"; {chosen.held_s:.0f} s held, {chosen.held_90_s:.0f} s and at most {chosen.loss_90_db:.2f} dB with 90 %"
+        )
+    if chosen.search_rate_rad_s and chosen.search_rate_rad_s != chosen.peak_rate_rad_s:
+        verdict += f"; in a search up to {_pair(chosen.search_rate_rad_s)} deg/s"
     if certificate.carrier_to_noise_db_hz:
         least, most = certificate.carrier_to_noise_db_hz
         verdict += f", C/N0 {least:.1f} to {most:.1f} dB-Hz"
@@ -94,5 +100,5 @@ def _row(branch: Branch) -> str:
     )
 
 
-def _pair(values: tuple[float, float]) -> str:
+def _pair(values: tuple[float, ...]) -> str:
     return " ".join(f"{math.degrees(value):.3g}" for value in values)

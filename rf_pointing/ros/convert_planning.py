@@ -29,7 +29,15 @@ _certificate_to_message, _certificate_from_message = pair(
     Certificate, ours.PassCertificate, name="target", issued_t_s=None, branches=None, machine=None
 )
 _branch_to_message, _branch_from_message = pair(
-    Branch, ours.PassBranch, reasons="refusals", crossing=None, axes_rad=None
+    Branch,
+    ours.PassBranch,
+    reasons="refusals",
+    crossing=None,
+    axes_rad=None,
+    held_s=None,
+    held_90_s=None,
+    loss_90_db=None,
+    search_rate_rad_s=None,
 )
 
 

@@ -189,12 +189,12 @@ def simulate_pass(
     antenna, receiver, controller = setup.antenna(), setup.receiver(), setup.controller()
     monopulse = MonopulseTracker(setup.sets(SENSORS[Sensor.MONOPULSE].node)[Sensor.MONOPULSE])
     carrier = setup.power_tracker()
+    law = setup.sets("ephemeris_publisher")["uncertainty"]
     # Before the controller starts: its certificate begins at the axes' present angles.
     antenna.enable()
     log = PassLog()
-    law = setup.sets("ephemeris_publisher")["uncertainty"]
     pointed = PointedAntenna(antenna, controller, track, start_t_s, window.aos_t_s - EARLY_TARGET_S, law)
-    controller.plan.take_profiles([pass_profile(track, window)])
+    controller.plan.take_profiles([pass_profile(track, window, law=law)])
     controller.start(start_t_s, window, sensor, scan)
     log.certificate = controller.plan.certificate
     mode = controller.state.mode

@@ -75,7 +75,11 @@ def prior_for(params: TrimParams, known: SkyUncertainty, sky: SkyMotion) -> Trim
         return params if sigma <= USUAL * params.bias_rad else params.replace(bias_rad=min(sigma, 0.1))
     ahead, left = np.array([right, up]) / speed, np.array([-up, right]) / speed
     along, across = (math.sqrt(max(float(axis @ covariance @ axis), 0.0)) for axis in (ahead, left))
-    along_s, cross_m = known.along_track_s or along / speed, across * range_m
+    return prior_of(params, known.along_track_s or along / speed, across * range_m)
+
+
+def prior_of(params: TrimParams, along_s: float, cross_m: float) -> TrimParams:
+    """Return the prior for a target that is known so well; those configured if that is enough."""
     if along_s <= USUAL * params.along_track_s and cross_m <= USUAL * params.cross_track_m:
         return params
     return params.replace(

@@ -34,7 +34,8 @@ from rf_pointing.station.pointing.params import ControllerParams
 from rf_pointing.station.pointing.plan import PassPlan
 from rf_pointing.station.pointing.scan_patterns import Scans, array_cost, sensor_cost
 from rf_pointing.station.pointing.status import Level, TrackingStatus
-from rf_pointing.tracking import AutotrackState, SkyMotion
+from rf_pointing.station.pointing.uncertain_pass import uncertain_cost
+from rf_pointing.tracking import AutotrackState, SkyMotion, prior_of
 from rf_pointing.tracking.scan_program import ScanProgram, ScanProgramParams
 from rf_pointing.tracking.sensors import SENSOR_CHOICES, SENSORS, SensorTraits, sensors_of
 
@@ -362,7 +363,7 @@ class PointingController:
             t_s, timing.period_s, None if waiting else evidence.error_rad(beamwidth_rad), beamwidth_rad
         )
 
-    def _cost(self, sensor: str, window: Pass, profile: PassProfile) -> SensorCost:
+    def _cost(self, sensor: str, window: Pass, t_s: float, profile: PassProfile) -> SensorCost:
         """Return what a sensor costs; of several, the first for which the link is enough."""
         sky = profile.velocity_rad_s[0] * np.array([math.cos(float(profile.position_rad[0, 1])), 1.0])
         range_m = window.smallest_range_m or USUAL_RANGE_M
@@ -373,7 +374,13 @@ class PointingController:
                 break
         motion, levels = SkyMotion(float(sky[0]), float(sky[1]), range_m), self.carrier.levels_db_hz(profile)
         own = traits is not None and traits.own_level
-        cost = sensor_cost(None if own else traits, self._scans, self.params.trim, table, motion)
+        prior = prior_of(self.params.trim, profile.along_sigma_s, profile.cross_sigma_m)
+        looks = None if own else traits
+        if prior is self.params.trim:
+            cost = sensor_cost(looks, self._scans, prior, table, motion)
+        else:
+            latitude_rad, begin_s = self.plan.sun.site.latitude_rad, max(t_s, window.aos_t_s)
+            cost = uncertain_cost(looks, self._scans, prior, table, profile, latitude_rad, begin_s)
         if own:
             beamwidth_rad = self.corrections.half_power_beamwidth_rad
             cost = array_cost(self.params.array, self.params.integrator, table, levels, beamwidth_rad, cost)
@@ -381,7 +388,7 @@ class PointingController:
 
     def _choose_turn(self, t_s: float, window: Pass, joints: JointReading, sensor: str) -> float:
         """Issue the certificate, and return the turns (rad) to track on."""
-        averaging_s, cost = self.params.pointing.lag_averaging_s, partial(self._cost, sensor, window)
+        averaging_s, cost = self.params.pointing.lag_averaging_s, partial(self._cost, sensor, window, t_s)
         # Over the top a scan would measure other offsets than those of a table.
         direct = self._scans.program is not None
         self.plan.choose(t_s, window, joints, self._motion.model, averaging_s, cost, direct=direct)

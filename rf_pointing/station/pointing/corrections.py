@@ -197,6 +197,11 @@ class PointingCorrections:
         return added(sky, *self._scan(times))
 
     @property
+    def searching(self) -> bool:
+        """Whether the beam looks for the target."""
+        return self._scans.running == Mode.SEARCH
+
+    @property
     def scan_end_s(self) -> float:
         """When the beam is back on the target after a scan on command, infinite without one."""
         return self._scans.end_s + UNDERWAY_S

@@ -221,7 +221,7 @@ class PredictedTarget:
 
     def _profiles(self) -> list[PassProfile]:
         moving = _moving(self.track)
-        return [pass_profile(moving, window) for window in self.passes]
+        return [pass_profile(moving, window, law=self.uncertainty) for window in self.passes]
 
     def _near_a_pass(self, t_s: float, margin_s: float) -> bool:
         return any(window.aos_t_s - margin_s <= t_s <= window.los_t_s + margin_s for window in self.passes)

@@ -228,7 +228,11 @@ def sensor_cost(
     beamwidth, prior = scans.spiral.half_power_beamwidth_rad, TrimFilter(trim)
     covariance = prior.trim(0.0, SkyMotion(*_first(sky))).covariance_rad2
     if sensor is None:
-        return SensorCost(power=_mean_power(covariance, beamwidth))
+        # Nine targets of ten are nearer than this, if both axes are as wide as the wider one.
+        sigma = math.sqrt(float(np.linalg.eigvalsh(covariance)[-1]))
+        power = _mean_power(covariance, beamwidth)
+        worst = float(received_power(math.sqrt(-2.0 * math.log(0.1)) * sigma, beamwidth))
+        return SensorCost(power=power, power_90=min(worst, power))
     search, scan = ScanPatterns(scans), ScanPatterns(scans)
     search.begin(Mode.SEARCH, 0.0, prior, sky)
     scan.begin(sensor.name, 0.0, prior, sky)
@@ -254,7 +258,11 @@ def sensor_cost(
         found_s = float(times[np.argmax(passed)]) if passed.any() else table.search_s
         # Only one turn later is it known that the carrier was strongest there.
         taken.append(table.settle_s + found_s + (table.search_turn_s if sensor.scans else 0.0))
-    return SensorCost(acquisition_s=float(np.mean(taken)), power=power, memory_s=table.coast_s)
+    mean_s, most_s = float(np.mean(taken)), float(np.quantile(taken, 0.9))
+    return SensorCost(
+        acquisition_s=mean_s, power=power, memory_s=table.coast_s, unheld_s=mean_s, unheld_90_s=most_s, power_90=power,
+        search_rad_s=scans.spiral.rate_rad_s,
+    )  # fmt: skip
 
 
 def array_cost(
@@ -279,7 +287,7 @@ def array_cost(
             np.square(loop_offsets_rad(loop, noise * drawn)[round(RAMPED_S / loop.sample_s) :]), axis=(0, 1)
         )
         powers[heard] = [_mean_power(each * np.eye(2), beamwidth_rad) for each in (variance + bias**2).tolist()]
-    return SensorCost(power=float(np.mean(powers)))
+    return SensorCost(power=float(np.mean(powers)), power_90=float(np.min(powers)))
 
 
 def loop_offsets_rad(params: TrackerIntegratorParams, noise_rad: Array) -> Array:
