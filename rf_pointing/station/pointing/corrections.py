@@ -47,6 +47,8 @@ FADE_S = 3.0
 FOUND_SIGMA_BEAMWIDTHS = 0.25
 # How far a target may move within the window of a scan against what the scan is told.
 LARGEST_BLUR_BEAMWIDTHS = 0.08
+# How many times less certain a target is taken to be that is not where it could be.
+SURPRISE = 8.0
 # Turns of the filter's equations about where they lead, for a target far from the straight line.
 TURNS = 3
 
@@ -118,6 +120,7 @@ class PointingCorrections:
         self._loop, self._loops = integrator, _loops(integrator, scans)
         self._trim_params, self._scan_params = trim, scans
         self._path: TrackPath | None = None
+        self._whole: TrackPath | None = None
         self.half_power_beamwidth_rad = scans.spiral.half_power_beamwidth_rad
         self.restart(0.0)
 
@@ -127,7 +130,9 @@ class PointingCorrections:
         self._integrator.freeze(t_s)
         self._over = False
         self._prior, self._path, self._fruitless = self._trim_params, None, 0
-        self._shown_s = 0.0
+        self._shown_s, self._whole = 0.0, None
+        self.surprises = 0
+        """How often the target was too far off for what was known of it: a manoeuvre, perhaps."""
         self.filter = TrimFilter(self._prior)
         self._scans = ScanPatterns(self._scan_params)
         self._transition = OffsetTransition()
@@ -143,7 +148,8 @@ class PointingCorrections:
 
     def know(self, known: SkyUncertainty, sky: SkyMotion, path: TrackPath | None) -> None:
         """Take how uncertain the target is until something is measured; `path` is its pass."""
-        if self.filter.state.used:
+        self._whole = path
+        if self.filter.state.used or self.surprises:
             return
         prior = prior_for(self._trim_params, known, sky)
         if prior != self._prior:
@@ -303,9 +309,18 @@ class PointingCorrections:
         if self.filter.state.t_s is not None and t_s < self.filter.state.t_s:
             return
         now = np.array([command_s])
-        before = self._learned(now)
+        before, refused = self._learned(now), self.filter.state.refused
         self._fuse(t_s, direction, covariance, sky)
+        if self.filter.state.refused > refused and not self.filter.state.refused_in_a_row:
+            self._be_surprised()
         self._integrator.change((before - self._learned(now))[0])
+
+    def _be_surprised(self) -> None:
+        """Take the target to be less certain than was said: its filter has refused what it sees."""
+        self.surprises += 1
+        along_s, cross_m = SURPRISE * self._prior.along_track_s, SURPRISE * self._prior.cross_track_m
+        self._prior = self._prior.replace(along_track_s=min(along_s, 60.0), cross_track_m=min(cross_m, 1e6))
+        self.filter, self._path = TrimFilter(self._prior), self._whole
 
     def _fuse(self, t_s: float, direction: Array, covariance: Array, sky: SkyMotion) -> None:
         """Update the filter with target minus prediction (2,), along the path where it bends."""
