@@ -24,6 +24,7 @@ from rf_pointing.ros.stamps import seconds_from_stamp, stamp_from_seconds
 from rf_pointing.station.pointing.status import TrackingStatus
 
 if TYPE_CHECKING:
+    from rf_pointing.ephemeris.learned_times import HeldDirection
     from rf_pointing.ephemeris.solar import SunPermit
 
 Signal = TypeVar("Signal")
@@ -125,6 +126,20 @@ def target_from_message(message: ours.Target) -> core.Target:
             along_track_s=message.along_track_time_sigma,
         )  # fmt: skip
     return _target_from_message(message, uncertainty=known)
+
+
+def held_direction_from_message(message: ours.TrackingStatus) -> "HeldDirection | None":
+    """Return the direction in which a sensor holds the target, None while none does."""
+    # Imported here: most nodes hear the controller and learn nothing.
+    from rf_pointing.ephemeris.learned_times import HeldDirection
+    from rf_pointing.tracking.sensors import SENSORS
+
+    if not (message.held and message.mode in SENSORS):
+        return None
+    return HeldDirection(
+        t_s=seconds_from_stamp(message.header.stamp), azimuth_rad=message.azimuth, elevation_rad=message.elevation,
+        beamwidth_rad=message.beamwidth,
+    )  # fmt: skip
 
 
 def satellite_quaternion_from_message(message: ours.Attitude) -> tuple[float, float, float, float]:
