@@ -8,10 +8,13 @@ antenna publishes /diagnostics once a second of wall time, so a node is deaf if
     an input that is sent all the time   is silent for 5 s of wall and of node time, although its
                                       publisher has just reported on /diagnostics that it is active,
                                       and not that it is silent and why
-    or its own periodic work          is not done for as long and two periods
+    its own periodic work             is not done for as long and two periods
+    a neighbour                       is silent for 10 s although most of the others receive it
+    most neighbours                   have not received this node for 10 s: it is mute
+    a name in the graph               has been damaged for 5 s, and could be read before
 
-A node that was killed leaves the graph after 20 s.  One neighbour alone proves nothing: it may
-work on something long.
+A node that was killed leaves the graph after 20 s.  The silence of one neighbour alone proves
+nothing: it may work on something long.  So each node says on /diagnostics whom it receives.
 """
 
 import math
@@ -32,17 +35,29 @@ SILENCE_S = 25.0
 """Silence of a neighbour; more than the lease after which a dead participant leaves the graph."""
 INPUT_SILENCE_S = 5.0
 RECENT_S = 3.0
+RECEIVED_S, PROVED_S = 5.0, 10.0
+"""A neighbour counts as received for so long after its last message.  One that has stopped is on no
+list that counts after RECEIVED_S + RECENT_S: what is on others' and silent here for longer is lost
+here."""
 FEWEST = 2
 # The message of the status `state`: a string is its length, its bytes and a zero, aligned.
 ACTIVE = re.compile(rb": state\x00.{0,3}?\x07\x00\x00\x00active\x00", re.DOTALL)
+# The value `received`: names, with a space after each so that none is taken for its own sender.
+RECEIVED = re.compile(rb"\x09\x00\x00\x00received\x00.{7}((?:[ -~]+ )?)\x00", re.DOTALL)
 
 
 @dataclass
 class _Neighbour:
-    """When something of a node arrived last (s, steady), and whether it then was active."""
+    """When something of a node arrived last (s, steady), whether it then was active, and whom it
+    receives itself, None where it does not say so.
+
+    `heard_s` begins with the time at which it appeared, `taken_s` with its first message.
+    """
 
     heard_s: float
+    taken_s: float = -math.inf
     active: bool = False
+    received: frozenset[str] | None = None
 
 
 @dataclass
@@ -71,6 +86,7 @@ class InputWatchdog:
         self._inputs: list[_Input] = []
         self._required: dict[str, float] = {}
         self._looked: tuple[float, float] | None = None
+        self._readable, self._unreadable_s, self._mute_s = False, 0.0, 0.0
         self.deaf = ""
         node.create_subscription(DiagnosticArray, TOPIC, self.note, STREAM, raw=True)
         node.diagnostics.add("hearing", self.look)
@@ -128,7 +144,10 @@ class InputWatchdog:
         """Take the diagnostics of any node, undecoded: each second every node gets all of them."""
         for name, neighbour in self._neighbours.items():
             if f"{name}\0".encode() in payload:
-                neighbour.heard_s, neighbour.active = self._steady_s(), ACTIVE.search(payload) is not None
+                neighbour.heard_s = neighbour.taken_s = self._steady_s()
+                neighbour.active = ACTIVE.search(payload) is not None
+                found = RECEIVED.search(payload)
+                neighbour.received = found and frozenset(found[1].decode().split())
 
     def look(self) -> Health:
         """Compare what arrived with who is in the graph; called once a second."""
@@ -148,13 +167,39 @@ class InputWatchdog:
         silent = {name: now_s - one.heard_s for name, one in self._neighbours.items()}
         silent = {name: since_s for name, since_s in silent.items() if since_s > SILENCE_S}
         if len(silent) >= FEWEST and len(silent) == len(self._neighbours):
-            self.deaf = f"nothing has been received from {', '.join(silent)} for {min(silent.values()):.0f} s"
+            self._end(f"nothing has been received from {', '.join(silent)} for {min(silent.values()):.0f} s")
+        self._compare(now_s, passed_s - unseen_s)
         for watched in self._inputs:
             self._look_at(watched, passed_s - unseen_s, max(node_passed_s, 0.0))
         if self.deaf:
             return Health(ERROR, f"{self.deaf}: the node starts again")
         words = "; ".join(f"{name} has been silent for {since_s:.0f} s" for name, since_s in silent.items())
-        return Health(WARN if words else OK, words or f"{len(self._neighbours)} neighbours")
+        received = [name for name, one in self._neighbours.items() if now_s - one.taken_s < RECEIVED_S]
+        values = {"received": "".join(f"{name} " for name in received)}
+        return Health(WARN if words else OK, words or f"{len(self._neighbours)} neighbours", values)
+
+    def _compare(self, now_s: float, passed_s: float) -> None:
+        """Compare with whom the neighbours receive, and note how long the graph cannot be read."""
+        reports = [one.received for one in self._neighbours.values() if now_s - one.heard_s < RECENT_S]
+        others = [names for names in reports if names is not None]
+        for name, one in self._neighbours.items():
+            since_s = now_s - one.heard_s
+            if since_s > PROVED_S and 2 * sum(name in names for names in others) > len(others):
+                self._end(f"nothing has been received from {name} for {since_s:.0f} s, which others receive")
+        mute = len(others) >= FEWEST and 2 * sum(self._own in names for names in others) < len(others)
+        self._mute_s = self._mute_s + passed_s if mute else 0.0
+        if self._mute_s > PROVED_S:
+            self._end(f"most neighbours have not received this node for {self._mute_s:.0f} s")
+        # A stranger whose name never could be read is no damage, and a new start would not help.
+        damaged = TOPIC in self._node.damaged_topics
+        self._readable |= not damaged
+        self._unreadable_s = self._unreadable_s + passed_s if damaged and self._readable else 0.0
+        if self._unreadable_s > INPUT_SILENCE_S:
+            self._end(f"the names of the senders of {TOPIC} have been damaged for {self._unreadable_s:.0f} s")
+
+    def _end(self, why: str) -> None:
+        """Have the node start again; the first reason is kept."""
+        self.deaf = self.deaf or why
 
     def _look_at(self, watched: _Input, wall_s: float, node_s: float) -> None:
         if watched.count != watched.seen:
@@ -162,8 +207,8 @@ class InputWatchdog:
             return
         if watched.due():
             watched.wall_s, watched.node_s = watched.wall_s + wall_s, watched.node_s + node_s
-        if not self.deaf and min(watched.wall_s, watched.node_s) > watched.patience_s:
-            self.deaf = watched.words.format(watched.wall_s)
+        if min(watched.wall_s, watched.node_s) > watched.patience_s:
+            self._end(watched.words.format(watched.wall_s))
 
     def _sent(self, topic: str) -> bool:
         """Return whether it is proved that somebody sends: active, and received just now."""

@@ -109,7 +109,7 @@ class LostGoals:
                 status=GoalStatus.STATUS_ABORTED, result=self._kind.Result(success=False, message=self._words)
             )
             self._server._handle.send_result_response(self._head, answer)
-            self._node.get_logger().warning(f"a client of {self._name.partition('/')[0]} gets as result: {self._words}")
+            self._node.log_once(f"result of {self._name.partition('/')[0]} to a client", self._words)
 
 
 def _place(head: Any) -> Any:

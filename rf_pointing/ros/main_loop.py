@@ -41,6 +41,8 @@ NICER = -10
 HUNG_S = 120.0
 """Longest time for one thing of a node; to read 32 MiB of elements takes 15 s."""
 WRITTEN_S = 15.0
+STARTED_S, ENDED_S = 30.0, 20.0
+"""Longest making of the nodes of a process, and its longest end with the stop of what it moves."""
 DEAF = 3
 """Exit code of a node that no longer receives."""
 LONGEST_WAIT_S = 0.2
@@ -97,14 +99,19 @@ def run(
             signal.signal(sign, lambda number, _frame: signals.append(number))
         executor = make_executor()
         watch = HangWatch()
+        watch.begin()
         loop = NodeLoop(node_types, executor, signals, watch.writing, restart=restart)
     except (RuntimeError, ValueError) as error:
         _say_not_started(error)
         rclpy.try_shutdown()
         sys.exit(2)
     settle_garbage()
-    code = loop.work(watch.come_round)
-    watch.end()
+    code = loop.work(watch.come_round, watch.begin_end)
+    if loop.deaf:
+        # A participant of DDS that took damaged datagrams may never be destroyed.
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code)
     executor.shutdown()
     rclpy.try_shutdown()
     if code:
@@ -126,6 +133,7 @@ class NodeLoop:
         self._writing = writing
         self._nodes: list[tuple[Callable[[], Any], Any]] = []
         self._missing: dict[Callable[[], Any], float] = {}
+        self.deaf = False
         self._restarts, self._stall_s, self._stalled_s = Counter[str](), 0.0, -math.inf
         for make in node_types:
             self._add(make, make())
@@ -137,8 +145,11 @@ class NodeLoop:
         if self._restart:
             node.diagnostics.add("process", self.health)
 
-    def work(self, come_round: Callable[[], None] = lambda: None) -> int:
-        """Work until a signal or without a node, `come_round` each round; return the exit code."""
+    def work(self, come_round: Callable[[], None] = lambda: None, begin_end: Callable[[], None] = lambda: None) -> int:
+        """Work until a signal or without a node; return the exit code.
+
+        `come_round` is called each round, `begin_end` before the nodes are ended.
+        """
         code, looked_s, idle_s = 0, time.monotonic(), 0.0
         # Not `spin`: between two events the nodes do their own work and the signals are seen.
         while not self._signals and (self._nodes or self._missing):
@@ -176,11 +187,16 @@ class NodeLoop:
             idle_s = idle_s + wait_s if looked_s - spun_s >= wait_s > 0.0 else 0.0
             if looked_s - began_s - wait_s > STALL_S:
                 self._stall_s, self._stalled_s = looked_s - began_s, looked_s
-        codes = [self._end(make, node) for make, node in tuple(self._nodes)]
+        begin_end()
+        self.deaf = any(node.input_watchdog.deaf for _, node in self._nodes)
+        codes = [self._end(make, node, destroy=not self.deaf) for make, node in tuple(self._nodes)]
         return max([0 if self._restart else code, *codes])
 
-    def _end(self, make: Callable[[], Any], node: Any) -> int:
-        """End a node under control, and return what the exit code says of it."""
+    def _end(self, make: Callable[[], Any], node: Any, *, destroy: bool = True) -> int:
+        """End a node under control, and return what the exit code says of it.
+
+        What DDS has of it is left where it has stopped to receive: its end may hang.
+        """
         words, deaf = "", node.input_watchdog.deaf
         if node.failure is not None:
             words = _report(node, node.failure)
@@ -194,11 +210,12 @@ class NodeLoop:
         except Exception as error:
             words = _report(node, error)
         self._nodes.remove((make, node))
-        self._executor.remove_node(node)
-        # `destroy_node` leaves them: an old action would take the goals of the new one.
-        for action in [each for each in node.waitables if isinstance(each, (ActionClient, ActionServer))]:
-            action.destroy()
-        node.destroy_node()
+        if destroy:
+            self._executor.remove_node(node)
+            # `destroy_node` leaves them: an old action would take the goals of the new one.
+            for action in [each for each in node.waitables if isinstance(each, (ActionClient, ActionServer))]:
+                action.destroy()
+            node.destroy_node()
         node.lock.release()
         return 1 if words else DEAF if deaf else 0
 
@@ -273,6 +290,10 @@ class HangWatch:
     def __init__(self, patience_s: float = HUNG_S) -> None:
         self._patience_s, self._armed_s = patience_s, -math.inf
 
+    def begin(self) -> None:
+        """Give the start of nodes its time: damaged datagrams can hang one that is being made."""
+        self._arm(min(STARTED_S, self._patience_s))
+
     def come_round(self) -> None:
         """Note that the loop works; each second is often enough."""
         if time.monotonic() - self._armed_s > min(1.0, 0.1 * self._patience_s):
@@ -292,10 +313,10 @@ class HangWatch:
         if sys.gettrace() is None:
             faulthandler.dump_traceback_later(patience_s, exit=True, file=sys.__stderr__)
 
-    @staticmethod
-    def end() -> None:
-        """Watch no longer."""
-        faulthandler.cancel_dump_traceback_later()
+    def begin_end(self) -> None:
+        """Give the end of nodes and process its time; Python itself ends the watch."""
+        self._patience_s = min(ENDED_S, self._patience_s)
+        self._arm(self._patience_s)
 
 
 def _check_security(environment: Mapping[str, str]) -> None:

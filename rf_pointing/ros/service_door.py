@@ -10,7 +10,7 @@ import atexit
 import time
 from collections import deque
 from collections.abc import Callable
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack
 from threading import Thread
 from typing import Any
 
@@ -104,14 +104,22 @@ class ServiceDoor:
 
     def _work(self) -> None:
         while not self._closed and self._node.context.ok():
-            with ExitStack() as held:
-                services = [each for each in tuple(self.services) if _hold(held, each)]
-                self._wait(services)
-                for service in services:
-                    self._take(service)
-            if self._calls:
-                self._call_node()
-            self._send()
+            try:
+                self._come_round()
+            except Exception as error:
+                # A node whose thread has ended would take calls and never answer one.
+                self._node.survived("a call", error)
+                time.sleep(UNKNOWN_S)
+
+    def _come_round(self) -> None:
+        with ExitStack() as held:
+            services = [each for each in tuple(self.services) if _hold(held, each)]
+            self._wait(services)
+            for service in services:
+                self._take(service)
+        if self._calls:
+            self._call_node()
+        self._send()
 
     def _wait(self, services: list[Service]) -> None:
         """Wait for calls or answers."""
@@ -142,16 +150,16 @@ class ServiceDoor:
         known = dict[Service, bool]()
         for _ in range(min(BURST, len(self._answers))):
             service, response, header, until_s = answer = self._answers.popleft()
-            # The service may be closed.
-            with suppress(InvalidHandle):
-                try:
-                    if known.setdefault(service, self._knows_callers(service)):
-                        service.send_response(response, header)
-                except rclpy_implementation.RCLError:
-                    # The end of this caller is not known yet.
-                    known[service] = False
-                if not known[service] and time.monotonic() < until_s:
-                    self._answers.append(answer)
+            try:
+                if known.setdefault(service, self._knows_callers(service)):
+                    service.send_response(response, header)
+            except InvalidHandle:
+                continue  # the service is closed
+            except Exception:
+                # The end of this caller is not known yet, or the graph cannot be read.
+                known[service] = False
+            if not known[service] and time.monotonic() < until_s:
+                self._answers.append(answer)
         if self._answers:
             time.sleep(PACE_S + self._callers * PACE_EACH_S if any(known.values()) else UNKNOWN_S)
 

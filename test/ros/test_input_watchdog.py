@@ -4,7 +4,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.serialization import serialize_message
 
 from rf_pointing.ros.diagnostics import ERROR, OK, WARN
@@ -26,6 +26,8 @@ class Graph:
         self.present = {TOPIC: [OWN, "/gs2/antenna_servo", *others], INPUT: ["/gs1/antenna_servo"]}
         self.says = list(others)
         self.sends = self.active = self.works = True
+        self.damaged_topics = set[str]()
+        self.received: dict[str, str] = {}
         self.diagnostics = SimpleNamespace(add=lambda *_given: None)
         self.watchdog = InputWatchdog(self, lambda: self.t_s)
         self.count, _ = self.watchdog.watch(INPUT)
@@ -56,7 +58,10 @@ class Graph:
         for _ in range(seconds):
             self.t_s, self.node_s = self.t_s + 1.0, self.node_s + self.speed
             for name in [*self.says, OWN, "/gs2/antenna_servo"]:
-                status = DiagnosticStatus(name=f"{name[1:]}: state", message=self.state, hardware_id=name)
+                values = [KeyValue(key="received", value=self.received[name])] if name in self.received else []
+                status = DiagnosticStatus(
+                    name=f"{name[1:]}: state", message=self.state, hardware_id=name, values=values
+                )
                 self.watchdog.note(serialize_message(DiagnosticArray(status=[status])))
             if self.sends:
                 self.count()
@@ -125,6 +130,56 @@ def test_silent_neighbours_are_a_warning_while_one_is_received_or_there_is_only_
     alone = Graph(OTHERS[2:])
     assert alone.run(100, says=[])[0] == WARN
     assert alone.watchdog.deaf == ""
+
+
+SERVO, RECEIVER, CALIBRATOR = OTHERS
+ALL_BUT = {each: "".join(f"{name} " for name in (OWN, *OTHERS) if name != each) for each in OTHERS}
+
+
+@pytest.mark.parametrize(
+    ("says", "received", "deaf"),
+    [
+        # One neighbour is silent here, and the others receive it, or one of two, or none does.
+        ([RECEIVER, CALIBRATOR], ALL_BUT, f"nothing has been received from {SERVO} for 11 s, which others receive"),
+        ([RECEIVER, CALIBRATOR], ALL_BUT | {RECEIVER: f"{OWN} "}, ""),
+        ([RECEIVER, CALIBRATOR], dict.fromkeys(OTHERS, f"{OWN} "), ""),
+        # A node says nothing of others, or is one that does not say whom it receives.
+        ([RECEIVER], {RECEIVER: ""}, ""), ([RECEIVER], {}, ""),
+        # None of the others receives this one; one of three does not.
+        (OTHERS, dict.fromkeys(OTHERS, ""), "most neighbours have not received this node for 11 s"),
+        (OTHERS, ALL_BUT | {SERVO: ""}, ""),
+    ],
+)  # fmt: skip
+def test_nodes_that_compare_whom_they_receive_find_the_one_that_starts_again(
+    says: list[str], received: dict[str, str], deaf: str
+) -> None:
+    graph = Graph()
+    graph.run(5)
+    _, _ = graph.run(40, says=list(says), received=received)
+    assert graph.watchdog.deaf == deaf
+
+
+def test_what_a_node_receives_is_what_its_neighbours_read() -> None:
+    graph, other = Graph(), Graph()
+    graph.run(20)
+    graph.run(15, says=[SERVO, CALIBRATOR])
+    values = {key: str(value) for key, value in graph.watchdog.look().values.items()}
+    assert values == {"received": f"{SERVO} {CALIBRATOR} "}
+    other.run(30, received=dict.fromkeys(OTHERS, values["received"]), says=list(OTHERS))
+    assert other.watchdog.deaf == "most neighbours have not received this node for 11 s"
+
+
+def test_a_name_that_becomes_damaged_ends_the_node_and_one_that_always_was_does_not() -> None:
+    graph = Graph()
+    graph.run(5)
+    graph.run(5, damaged_topics={TOPIC})
+    assert graph.watchdog.deaf == ""
+    graph.run(1)
+    assert graph.watchdog.deaf == "the names of the senders of /diagnostics have been damaged for 6 s"
+    stranger = Graph()
+    stranger.damaged_topics = {TOPIC}
+    stranger.run(100)
+    assert stranger.watchdog.deaf == ""
 
 
 @pytest.mark.parametrize("stall_s", [9.0, 60.0])

@@ -255,7 +255,8 @@ def test_the_loop_turns_and_waits_until_a_signal_or_the_node_is_deaf() -> None:
     node, executor = Node(deaf_after=2), Executor([], 9)
     assert work(node, executor) == main_loop.DEAF
     assert node.turns == 2
-    assert node.did[-4].startswith("fatal the node ends, and must be started again: nothing has been received")
+    assert node.did[-3].startswith("fatal the node ends, and must be started again: nothing has been received")
+    assert node.did[-2:] == ["end", "release"]
 
 
 def test_work_that_no_timer_has_called_is_done_once_nothing_comes(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -312,6 +313,19 @@ def test_a_write_that_hangs_ends_the_process_sooner() -> None:
     )
     ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=30.0)
     assert (ended.returncode, ended.stdout) == (1, "written\n")
+
+
+@pytest.mark.parametrize(
+    "phase", ["watch.begin()", "watch.come_round()\nwatch.begin_end()\nwith watch.writing(): pass"]
+)
+def test_a_start_or_an_end_that_hangs_ends_the_process_and_one_in_time_has_its_own_code(phase: str) -> None:
+    code = (
+        "import sys, time\nfrom rf_pointing.ros import main_loop\nmain_loop.STARTED_S = main_loop.ENDED_S = 1.0\n"
+        f"watch = main_loop.HangWatch()\n{phase}\ntime.sleep(float(sys.argv[1]))\nsys.exit(3)\n"
+    )
+    for seconds, status in (("0", 3), ("60", 1)):
+        ended = subprocess.run([sys.executable, "-c", code, seconds], capture_output=True, timeout=30.0)
+        assert ended.returncode == status
 
 
 def test_an_error_of_a_callback_is_survived_and_one_of_periodic_work_is_not() -> None:
@@ -430,6 +444,8 @@ def test_the_exit_code_of_a_process_says_how_it_ended(
 
     monkeypatch.setenv("ROS_DOMAIN_ID", str(ros_domain))
     monkeypatch.setattr(sys, "argv", ["node", "--ros-args", "-p", "lifecycle.autostart:=true"])
+    # Where DDS no longer receives, the process is left without its end.
+    monkeypatch.setattr(os, "_exit", sys.exit)
     kept = signal.getsignal(signal.SIGTERM)
     try:
         if code is None:
@@ -440,7 +456,8 @@ def test_the_exit_code_of_a_process_says_how_it_ended(
             assert left.value.code == code
     finally:
         signal.signal(signal.SIGTERM, kept)
-    assert not rclpy.ok()
+    assert rclpy.ok() == (given == "deaf")
+    rclpy.try_shutdown()
     InstanceLock("/made").release()
 
 

@@ -10,6 +10,7 @@ import pytest
 from builtin_interfaces.msg import Time
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from rclpy.node import Node
 from rclpy.serialization import serialize_message
 from rf_pointing_msgs.action import Identify
 from rf_pointing_msgs.msg import PointingError, Target
@@ -183,3 +184,20 @@ def test_what_is_published_has_the_frame_of_its_topic_and_its_number(bench: Any)
         plain.publish(Target())
     shown = [(each.header.frame_id, each.sequence) for each in bench.sent["target"] + bench.sent["elsewhere"]]
     assert shown == [("base_link", 1), ("base_link", 2), ("", 0), ("", 0)]
+
+
+def test_a_name_that_is_no_text_leaves_what_was_seen_of_the_graph(bench: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    def look(topic: str) -> list[Any]:
+        # The bench answers for the graph; this is what a node does with the real one.
+        return ManagedNode.get_publishers_info_by_topic(bench.node, topic)
+
+    def damaged(*_where: Any) -> Any:
+        raise UnicodeDecodeError("utf-8", b"\xa1", 0, 1, "invalid start byte")
+
+    before = look("/diagnostics")
+    with monkeypatch.context() as patch:
+        patch.setattr(Node, "get_publishers_info_by_topic", damaged)
+        assert before == look("/diagnostics") != look("/unseen") == []
+        assert bench.node.damaged_topics == {"/diagnostics", "/unseen"}
+    assert look("/diagnostics")
+    assert bench.node.damaged_topics == {"/unseen"}

@@ -52,7 +52,7 @@ def graph(request: Any, ros_context: Any) -> Iterator[SimpleNamespace]:
         until(made.service_is_ready)
         return made
 
-    yield SimpleNamespace(doors=doors, services=services, until=until, client=client, log=log)
+    yield SimpleNamespace(doors=doors, services=services, until=until, client=client, log=log, server=server)
     for door in doors:
         door.close()
     work.shutdown()
@@ -92,3 +92,20 @@ def test_a_service_that_is_closed_answers_nobody(graph: SimpleNamespace) -> None
     graph.doors[0].shut(graph.services[0])
     graph.until(lambda: not client.service_is_ready())
     assert (answer.done(), graph.log, graph.doors[0].services) == (False, [], [])
+
+
+def test_a_graph_that_cannot_be_read_costs_an_answer_time_and_not_the_service(
+    graph: SimpleNamespace, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    client, look, failed = graph.client("act"), graph.server.get_publishers_info_by_topic, list[str]()
+
+    def damaged(*where: Any) -> Any:
+        if len(failed) < 3:
+            failed.append(where[0])
+            raise UnicodeDecodeError("utf-8", b"\xa1", 0, 1, "invalid start byte")
+        return look(*where)
+
+    monkeypatch.setattr(graph.server, "get_publishers_info_by_topic", damaged)
+    answer = client.call_async(Trigger.Request())
+    graph.until(answer.done)
+    assert (answer.result().message, failed) == ("act done", ["rq/actRequest"] * 3)
