@@ -33,6 +33,7 @@ if TYPE_CHECKING:
         AXES,
         Boresight,
         CarrierPower,
+        HeldDirection,
         JointReading,
         JointTrajectory,
         MonopulseCluster,

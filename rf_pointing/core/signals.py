@@ -108,6 +108,16 @@ class Target:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class HeldDirection:
+    """Apparent direction in which a sensor held the target at `t_s`, and the beam's width."""
+
+    t_s: float
+    azimuth_rad: float
+    elevation_rad: float
+    beamwidth_rad: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class JointReading:
     """Encoder angles and rates of both axes at `t_s`, shape (2,); angles within `FARTHEST_RAD`."""
 

@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from rf_pointing.core import HeldDirection
 from rf_pointing.core.dates import DAY_S
 from rf_pointing.core.types import Array
 from rf_pointing.core.whole_file import KeptState
@@ -51,6 +52,8 @@ class LearnedTime:
     """Of time and time, time and rate, rate and rate."""
     growth_1_s: float
     passes: int = 1
+    unlawful: float = 1.0
+    """How many times the law of the elements was too sure of them."""
 
     def ahead_s(self, t_s: Any) -> Any:
         """Return the seconds ahead of the elements at UTC `t_s`."""
@@ -77,6 +80,7 @@ class LearnedTime:
         return LearnedTime(
             epoch_t_s=self.epoch_t_s, t_s=t_s, along_s=float(self.ahead_s(t_s) + gain[0] * innovation),
             rate=float(self.rate + gain[1] * innovation), growth_1_s=self.growth_1_s, passes=self.passes + 1,
+            unlawful=self.unlawful,
             variances=(float(covariance[0, 0]), float(covariance[0, 1]), float(covariance[1, 1])),
         )  # fmt: skip
 
@@ -84,16 +88,6 @@ class LearnedTime:
         """Say how far ahead the target is at `t_s`, and from how many passes."""
         passes = "1 pass" if self.passes == 1 else f"{self.passes} passes"
         return f"{self.ahead_s(t_s):+.3f} s along the track, sigma {self.sigma_s(t_s):.3f} s, from {passes}"
-
-
-@dataclass(frozen=True, kw_only=True)
-class HeldDirection:
-    """Apparent direction in which a sensor held the target at `t_s`, and the beam's width."""
-
-    t_s: float
-    azimuth_rad: float
-    elevation_rad: float
-    beamwidth_rad: float
 
 
 class LearnedTimes:
@@ -122,7 +116,7 @@ class LearnedTimes:
         if abs(elements.epoch_t_s - known.epoch_t_s) > 1e-3:
             self._drop(track.name, "newer elements are in force")
             return None
-        lawful_s = _lawful_s(track, t_s, law)
+        lawful_s = known.unlawful * _lawful_s(track, t_s, law)
         if known.sigma_s(t_s) >= lawful_s:
             sigma_s, age_h = known.sigma_s(t_s), (t_s - known.t_s) / 3600.0
             self._drop(
@@ -172,7 +166,7 @@ class LearnedTimes:
                 off_s = along_s - float(known.ahead_s(t_s))
                 self._drop(track.name, f"this pass is {off_s:+.2f} s off it, sigma {expected_s:.2f} s: a manoeuvre")
                 known, lost = None, f"; {self.news}"
-        found = (known or _unlearned(elements, track, t_s, law)).fused(t_s, along_s, sigma_s)
+        found = (known or _unlearned(elements, track, t_s, law, along_s)).fused(t_s, along_s, sigma_s)
         self._known[track.name] = found
         self._keep()
         return f"{track.name} is {found.text(t_s)}{lost}"
@@ -234,14 +228,23 @@ def _lawful_s(track: TopocentricTrack, t_s: float, law: ElementUncertainty) -> f
     return law.sigmas_m(age_s)[0] / float(norm(track.target.motion_at(t_s).velocity))
 
 
-def _unlearned(elements: Elements, track: TopocentricTrack, t_s: float, law: ElementUncertainty) -> LearnedTime:
-    """Return what the law says before the first pass: on time, with its errors."""
+def _unlearned(
+    elements: Elements, track: TopocentricTrack, t_s: float, law: ElementUncertainty, along_s: float
+) -> LearnedTime:  # fmt: skip
+    """Return what the law says before the first pass, which gave `along_s`: on time, with errors.
+
+    A pass that the law cannot explain is believed all the same, and may drift as it came.
+    """
     age_s, lawful_s = abs(t_s - elements.epoch_t_s), _lawful_s(track, t_s, law)
     speed_m_s = float(norm(track.target.motion_at(t_s).velocity))
     rate = (law.along_growth_m_s + 2.0 * law.along_drag_m_s2 * age_s) / speed_m_s
+    unlawful = abs(along_s) / lawful_s if abs(along_s) > MANOEUVRE_SIGMAS * lawful_s else 1.0
+    if unlawful > 1.0:
+        rate = max(rate, abs(along_s) / max(age_s, 3600.0))
+    lawful_s = max(lawful_s, abs(along_s))
     return LearnedTime(
         epoch_t_s=elements.epoch_t_s, t_s=t_s, along_s=0.0, rate=0.0, variances=(lawful_s**2, 0.0, rate**2),
-        growth_1_s=law.along_drag_m_s2 / speed_m_s, passes=0,
+        growth_1_s=law.along_drag_m_s2 / speed_m_s, passes=0, unlawful=unlawful,
     )  # fmt: skip
 
 
@@ -249,7 +252,8 @@ def _read(values: dict[str, Any]) -> LearnedTime:
     """Return one entry of the file; ValueError, TypeError or KeyError for what cannot be one."""
     along, both, rate = (float(each) for each in values["variances"])
     found = LearnedTime(**{**values, "variances": (along, both, rate)})
-    numbers = (found.epoch_t_s, found.t_s, found.along_s, found.rate, along, both, rate, found.growth_1_s)
+    numbers = (found.epoch_t_s, found.t_s, found.along_s, found.rate, along, both, rate, found.growth_1_s,
+               found.unlawful)  # fmt: skip
     if not all(math.isfinite(each) for each in numbers) or min(along, rate) < 0.0 or both**2 > along * rate * 1.000001:
         raise ValueError(f"variances={values['variances']} must be finite and those of a time and its rate")
     if abs(found.along_s) > LARGEST_S or abs(found.rate) > LARGEST_S / DAY_S * 100.0:

@@ -1,13 +1,11 @@
 """Executable `ephemeris_publisher`: where the target will be, and when it passes.
 
-Publishes: target (10 Hz, ahead of time while above the mask; direction, rates, range, Doppler,
-light time, refraction and covariance), passes, pass_profiles (latched).
+Publishes: target (10 Hz, ahead of time while above the mask), passes, pass_profiles (latched).
 Subscribes: tracking_status, for what a pass teaches of the time along the orbit; where
-source.refraction is measured: weather/temperature, weather/pressure and weather/humidity
-(sensor_msgs/Temperature, FluidPressure, RelativeHumidity); where source.antenna has a width:
-satellite_attitude.
-Services: ~/select_target (rf_pointing_msgs/SelectTarget): choose the satellite and get its passes;
-~/forget_learned, ~/clear_offsets (std_srvs/Trigger), ~/keep_offsets, ~/recall_offsets, ~/forget_offsets (Named).
+source.refraction is measured: weather/temperature, weather/pressure and weather/humidity; where
+source.antenna has a width: satellite_attitude in place of its roll, pitch and yaw.
+Services: ~/select_target (SelectTarget): choose the satellite and get its passes; ~/clear_offsets,
+~/forget_learned (std_srvs/Trigger), ~/keep_offsets, ~/recall_offsets, ~/forget_offsets (Named).
 Parameters: source.* (elements or ephemeris, object, station; offsets, hold, weather and antenna,
 live, read back on /diagnostics with the age of the elements and what it means on the sky; newer
 elements of an address, or of files that were replaced, come into force between two passes),
@@ -93,8 +91,7 @@ class EphemerisPublisher(StationNode):
         self.every(RENEWAL_S, self._renew)
 
     def _publish(self, now_s: float) -> None:
-        found = self.prediction.target_at(now_s)
-        if found is not None:
+        if (found := self.prediction.target_at(now_s)) is not None:
             self._targets.publish(convert.target_to_message(found))
 
     def _show(self, passes: list[Pass] | None, profiles: list[PassProfile]) -> None:

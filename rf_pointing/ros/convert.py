@@ -24,7 +24,6 @@ from rf_pointing.ros.stamps import seconds_from_stamp, stamp_from_seconds
 from rf_pointing.station.pointing.status import TrackingStatus
 
 if TYPE_CHECKING:
-    from rf_pointing.ephemeris.learned_times import HeldDirection
     from rf_pointing.ephemeris.solar import SunPermit
 
 Signal = TypeVar("Signal")
@@ -128,15 +127,14 @@ def target_from_message(message: ours.Target) -> core.Target:
     return _target_from_message(message, uncertainty=known)
 
 
-def held_direction_from_message(message: ours.TrackingStatus) -> "HeldDirection | None":
+def held_direction_from_message(message: ours.TrackingStatus) -> core.HeldDirection | None:
     """Return the direction in which a sensor holds the target, None while none does."""
-    # Imported here: most nodes hear the controller and learn nothing.
-    from rf_pointing.ephemeris.learned_times import HeldDirection
+    # Imported here: a node that hears no controller needs no table of sensors.
     from rf_pointing.tracking.sensors import SENSORS
 
     if not (message.held and message.mode in SENSORS):
         return None
-    return HeldDirection(
+    return core.HeldDirection(
         t_s=seconds_from_stamp(message.header.stamp), azimuth_rad=message.azimuth, elevation_rad=message.elevation,
         beamwidth_rad=message.beamwidth,
     )  # fmt: skip

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from rf_pointing import ephemeris
-from rf_pointing.core import Params, SkyUncertainty, Target, parameter
+from rf_pointing.core import HeldDirection, Params, SkyUncertainty, Target, parameter
 from rf_pointing.core.dates import DAY_S, utc_text
 from rf_pointing.core.parameters import leaves
 from rf_pointing.ephemeris import (
@@ -21,7 +21,7 @@ from rf_pointing.ephemeris import (
     stale_warning,
 )
 from rf_pointing.ephemeris.element_updates import ElementUpdates
-from rf_pointing.ephemeris.learned_times import HeldDirection, LearnedTime, LearnedTimes
+from rf_pointing.ephemeris.learned_times import LearnedTime, LearnedTimes
 from rf_pointing.ephemeris.source import SourceParams, TargetMemory, load_track, refraction_at, unused
 from rf_pointing.ephemeris.target_offsets import OffsetSets, TargetOffsets
 from rf_pointing.planning import HorizonMask, PassProfile

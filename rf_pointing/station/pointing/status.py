@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rf_pointing.core.signals import HeldDirection
 from rf_pointing.core.types import Array
-from rf_pointing.ephemeris.learned_times import HeldDirection
 from rf_pointing.tracking.sensors import SENSORS
 
 
