@@ -120,12 +120,14 @@ class StationClient(GraphRun):
     def show_status(self, *, watch: bool = False, as_json: bool = False, forget: bool = False) -> bool:
         """Print what the station does, with `watch` once a second; return whether all is well.
 
-        With `forget` drop what passes taught of the target, first.
+        With `forget` drop what passes taught of the target instead.
         """
-        if forget and not self.ask("ephemeris_publisher/forget_learned"):
-            return False
+        if forget:
+            return self.ask("ephemeris_publisher/forget_learned")
         self._hear_of_target()
-        self._look("antenna_status", "tracking_status", EXECUTIVE_STATUS, TARGET_CHECK)
+        # A line a second and a script wait for no diagnostics.
+        more = () if watch or as_json else (TARGET_CHECK,)
+        self._look("antenna_status", "tracking_status", EXECUTIVE_STATUS, *more)
         if "antenna_status" not in self.newest:
             raise TimeoutError(f"no antenna in {self.place}")
         while True:

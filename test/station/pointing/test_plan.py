@@ -202,12 +202,12 @@ def test_a_corner_is_passed_by_axes_that_rest_within_a_step_of_a_rotator(
 @pytest.mark.parametrize("sun", [False, True])
 def test_a_search_keeps_above_the_horizon_within_the_travel_and_beside_the_sun(sun: bool) -> None:
     mask = HorizonMask(azimuth_rad=(0.0,), elevation_rad=(0.1,), clearance_rad=0.02)
-    made, times = planned(mask=mask, sun=sun), 1151434800.0 + 0.1 * np.arange(80)
+    made, times = planned(mask=mask, sun=sun), 1151434800.0 + 0.1 * np.arange(600)
     sun_rad = made.sun.avoided(times[0]) or (0.0, -1.0)
     place = np.array(sun_rad) + np.array([0.0, -0.05]) if sun else np.array([1.0, 0.12])
-    still, turns = np.zeros((len(times), 2)), np.linspace(0.0, 2.0 * math.pi, len(times))
+    still, turns = np.zeros((len(times), 2)), np.linspace(0.0, 16.0 * math.pi, len(times))
     centre = Motion(still + place, still, still)
-    offset = 0.2 * np.column_stack([np.cos(turns), np.sin(turns)])
+    offset = 0.2 * np.column_stack([np.cos(turns), np.sin(turns)]) * np.linspace(0.0, 1.0, len(times))[:, None]
     kept = made.kept_inside(times[0], times, centre, Motion(centre.position + offset, still, still))
     assert np.max(np.abs(kept.position - centre.position)) > 0.01, "it still looks around"
     assert np.min(kept.position[:, 1]) > 0.1
