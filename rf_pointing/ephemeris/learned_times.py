@@ -101,7 +101,7 @@ class LearnedTimes:
             raise ValueError(f"learned_file {name} cannot be used: {error}") from error
         self._held: list[HeldDirection] = []
         self.news = ""
-        """What was dropped last, and why."""
+        """The time that was dropped last, and why."""
 
     @property
     def problem(self) -> str:

@@ -70,7 +70,7 @@ class TopocentricTrack:
     light_time : "receive" for signals arriving at `t_s`, "transmit" for signals leaving, "none".
     antenna : antenna and attitude of the satellite; None sends alike in all directions.
     learned : what passes have taught of the time along the track; it moves the target like the
-        operator's offset, and is none of them.
+        operator's offset, but is not shown with them.
     offsets : those of `TargetOffsets`, by name.
     """
 

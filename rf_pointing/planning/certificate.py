@@ -57,6 +57,8 @@ class SensorCost:
     unheld_90_s: float = 0.0
     power_90: float = 1.0
     search_rad_s: float = 0.0
+    fresh: "SensorCost | None" = None
+    """The same on fresh elements, where those in use are older."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,6 +97,9 @@ class Branch:
     held_90_s: float | None = None
     """Seconds that nine passes of ten hold, by what is known of the target."""
     loss_90_db: float | None = None
+    fresh_held_90_s: float | None = None
+    """The same on fresh elements, None where those in use are."""
+    fresh_loss_90_db: float | None = None
     search_rate_rad_s: tuple[float, ...] = ()
     """Largest rates of the axes with a search on top of the target's motion."""
     # Arrays do not compare to one truth value, and a certificate from the wire has none.
@@ -291,15 +296,17 @@ class _Certifier:
 
     def _probable(self, loss: CrossingLoss, late_s: float, left_s: float) -> dict[str, float]:
         """Return the seconds held on average and in nine passes of ten, and the loss in these."""
-        cost, free_s = self.cost, left_s - min(late_s, left_s) - min(loss.lost_s, left_s)
-        worst = dataclasses.replace(self, cost=dataclasses.replace(cost, power=cost.power_90))
-        return {
-            "held_s": max(free_s - cost.unheld_s, 0.0),
-            "held_90_s": max(free_s - cost.unheld_90_s, 0.0),
-            "loss_90_db": worst._expected(
-                loss, late_s + cost.unheld_90_s * bool(cost.search_rad_s), left_s
-            ).mean_loss_db,
-        }
+        free_s = left_s - min(late_s, left_s) - min(loss.lost_s, left_s)
+        found = {"held_s": max(free_s - self.cost.unheld_s, 0.0)}
+        for name, cost in (("", self.cost), ("fresh_", self.cost.fresh)):
+            if cost is None:
+                continue
+            worst = dataclasses.replace(self, cost=dataclasses.replace(cost, power=cost.power_90))
+            # Program track alone is on the pass all the time; what it misses is in its power.
+            blind_s = late_s + cost.unheld_90_s * bool(cost.search_rad_s)
+            found[f"{name}held_90_s"] = max(free_s - cost.unheld_90_s, 0.0)
+            found[f"{name}loss_90_db"] = worst._expected(loss, blind_s, left_s).mean_loss_db
+        return found
 
     def _search_rate(self, rates: Array, elevation: Array) -> tuple[float, float]:
         """Return the largest rates of the axes while the target is searched for."""

@@ -58,7 +58,7 @@ class PassLog:
     ended: str = ""
     """Why the controller has ended the pass, "" where the log ends before."""
     learned: str = ""
-    """What the pass has taught of the target's time along its orbit."""
+    """The time along the orbit that the pass has taught, in words."""
 
     def errors_rad(self, *modes: str) -> Array:
         """Return the true errors (n, 2) of the clusters in these modes (all when none is named)."""

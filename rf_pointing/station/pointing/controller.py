@@ -376,11 +376,11 @@ class PointingController:
         own = traits is not None and traits.own_level
         prior = prior_of(self.params.trim, profile.along_sigma_s, profile.cross_sigma_m)
         looks = None if own else traits
-        if prior is self.params.trim:
-            cost = sensor_cost(looks, self._scans, prior, table, motion)
-        else:
+        cost = sensor_cost(looks, self._scans, self.params.trim, table, motion)
+        if prior is not self.params.trim:
             latitude_rad, begin_s = self.plan.sun.site.latitude_rad, max(t_s, window.aos_t_s)
-            cost = uncertain_cost(looks, self._scans, prior, table, profile, latitude_rad, begin_s)
+            found = uncertain_cost(looks, self._scans, prior, table, profile, latitude_rad, begin_s)
+            cost = replace(found, fresh=cost)
         if own:
             beamwidth_rad = self.corrections.half_power_beamwidth_rad
             cost = array_cost(self.params.array, self.params.integrator, table, levels, beamwidth_rad, cost)
