@@ -82,7 +82,7 @@ def trials(count: int, case: str) -> None:
 
 
 def main() -> None:
-    """Fly what the command line asks for."""
+    """Fly what the command line names."""
     if "--passes" not in sys.argv[1:]:
         table()
         return

@@ -131,7 +131,7 @@ def learned() -> Figure:
 
 
 def main() -> None:
-    """Draw all of them beside this file."""
+    """Draw all of them into the folder of this file."""
     with rc_context(STYLE):
         for draw in (age, promised, search, learned):
             draw().savefig(FOLDER / f"target_{draw.__name__}.png", dpi=110)

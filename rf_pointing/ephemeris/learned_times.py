@@ -1,4 +1,4 @@
-"""What passes teach of a satellite's time along its orbit, kept from pass to pass.
+"""Times of satellites along their orbits, as passes teach them, kept from pass to pass.
 
     ahead(t) = tau + rate (t - t0)        variance: that of both, and (g dt^2)^2
 
@@ -31,7 +31,7 @@ LEAST_SAMPLES = 60
 """Directions, one a second, from which a pass teaches."""
 # Time over which what moves the beam, and a scan's window, is the same.
 CORRELATION_S = 15.0
-# What a pass may teach beside the time: metres across the track, a share of a beam of the mount.
+# Prior of a fit: metres across the track, a bias of the mount in beamwidths.
 CROSS_M, BIAS_BEAMWIDTHS = 3000.0, 0.25
 # However even the directions are: the mount's errors change over the sky as the time does.
 LEAST_SIGMA_BEAMWIDTHS, MOUNT_BEAMWIDTHS = 0.02, 0.08
@@ -49,7 +49,7 @@ class LearnedTime:
     along_s: float
     rate: float
     variances: tuple[float, float, float]
-    """Of time and time, time and rate, rate and rate."""
+    """Variance of the time, covariance of both, variance of the rate."""
     growth_1_s: float
     passes: int = 1
     unlawful: float = 1.0

@@ -129,7 +129,7 @@ def target_from_message(message: ours.Target) -> core.Target:
 
 def held_direction_from_message(message: ours.TrackingStatus) -> core.HeldDirection | None:
     """Return the direction in which a sensor holds the target, None while none does."""
-    # Imported here: a node that hears no controller needs no table of sensors.
+    # Imported here: a node without a controller needs no table of sensors.
     from rf_pointing.tracking.sensors import SENSORS
 
     if not (message.held and message.mode in SENSORS):

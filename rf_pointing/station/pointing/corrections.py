@@ -45,7 +45,7 @@ OVER = np.array([1.0, -1.0])
 FADE_S = 3.0
 # How well the strongest carrier of a search says where the target is.
 FOUND_SIGMA_BEAMWIDTHS = 0.25
-# How far a target may move within the window of a scan against what the scan is told.
+# How far a target may move within the window of a scan against the offset that is reported.
 LARGEST_BLUR_BEAMWIDTHS = 0.08
 # How many times less certain a target is taken to be that is not where it could be.
 SURPRISE = 8.0
@@ -283,9 +283,9 @@ class PointingCorrections:
         return np.asarray(offset[1] - offset[0])
 
     def shown_rad(self, t_s: float) -> Array:
-        """Return the correction (2,) beyond the prediction that scans are told of, without scans.
+        """Return the correction (2,) beyond the prediction that is reported, without scans.
 
-        A scan takes its target to stand still against what it is told.  One that is seconds off its
+        A scan takes its target to stand still against this.  One that is seconds off its
         elements does not: then the prediction goes ahead with what was learned.
         """
         if self._path is None or not self._shown_s:
@@ -316,7 +316,7 @@ class PointingCorrections:
         self._integrator.change((before - self._learned(now))[0])
 
     def _be_surprised(self) -> None:
-        """Take the target to be less certain than was said: its filter has refused what it sees."""
+        """Take the target to be less certain than stated: its filter has refused what it sees."""
         self.surprises += 1
         along_s, cross_m = SURPRISE * self._prior.along_track_s, SURPRISE * self._prior.cross_track_m
         self._prior = self._prior.replace(along_track_s=min(along_s, 60.0), cross_track_m=min(cross_m, 1e6))
