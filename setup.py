@@ -19,6 +19,7 @@ EXECUTABLES = {
         "bias_calibrator",
         "conscan_tracker",
         "ephemeris_publisher",
+        "target_designate",
         "monopulse_tracker",
         "operator_page",
         "pointing_controller",

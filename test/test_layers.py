@@ -30,6 +30,7 @@ SIBLINGS = {
     "operations": {"icalendar"},
     "drives": BASE | {"serial"},
     # The last two are optional: their sources say what to install.
+    "designate": SIBLING,
     "receiver": SIBLING | {"serial", "zmq", "SoapySDR"},
 }
 COMPOSED = set().union(*SIBLINGS.values())
@@ -60,6 +61,8 @@ ALLOWED_ROOMS = {
     **{room: {"core"} for room in SIBLINGS},
     # A schedule turns the antenna between passes by the rules of planning.
     "operations": {"core", "planning"},
+    # Places on the Earth are those of the sites.
+    "designate": {"core", "ephemeris"},
     # Noise and level as the simulated receiver has them.
     "receiver": {"core", "rf"},
     # Fluxes of bodies and patterns of beams are those of the link budget.

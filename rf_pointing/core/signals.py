@@ -20,6 +20,8 @@ from rf_pointing.core.types import Array, ComplexArray
 AXES = ("azimuth", "elevation")
 BASE, AZIMUTH, ELEVATION, BEAM = FRAMES = ("base_link", "azimuth_link", "elevation_link", "beam")
 """Frames of an antenna, each the child of the one before; a namespace goes before them."""
+DESIGNATED = "designated"
+"""First word of the name of a target that reports lead to; the rest names it in them."""
 # Time that a `TimeBuffer` keeps.
 KEPT_S = 2.0
 LONGEST_GAP_S = 0.5

@@ -24,6 +24,7 @@ import numpy as np
 
 from rf_pointing.core import Params, SkyUncertainty, Target, parameter
 from rf_pointing.core.dates import DAY_S
+from rf_pointing.core.signals import LEAST_KNOWN_S
 from rf_pointing.core.types import Array
 from rf_pointing.ephemeris.elements import Elements
 from rf_pointing.ephemeris.oem import OemTarget
@@ -94,6 +95,27 @@ def sky_uncertainty(track: TopocentricTrack, t_s: float, model: ElementUncertain
         along_track_rad=math.sqrt(max(float(along @ covariance @ along), 0.0)),
         cross_track_rad=math.sqrt(max(float(across @ covariance @ across), 0.0)),
         along_track_s=math.sqrt(covariance_m2[0, 0]) / speed_m_s,
+        covariance_rad2=covariance,
+    )
+
+
+def place_uncertainty(track: TopocentricTrack, t_s: float, covariance_m2: Array, age_s: float) -> SkyUncertainty:
+    """Return what a covariance (3, 3) of the Earth-fixed position means on the sky at UTC `t_s`."""
+    seen, range_m, _ = track.relative_motion_at(t_s)
+    right, up = (np.array(axis, dtype=np.float64) for axis in _sky_axes(seen))
+    to_sky = np.array([right, up]) @ np.array(track.site.axes) / float(range_m)
+    covariance = to_sky @ covariance_m2 @ to_sky.T
+    velocity = np.array(seen.velocity, dtype=np.float64)
+    motion, speed = np.array([right @ velocity, up @ velocity]), float(np.linalg.norm(velocity))
+    # A target at rest on the sky has no way: its error is counted across the elevation.
+    along = motion / float(np.linalg.norm(motion)) if motion.any() else np.array([1.0, 0.0])
+    across = np.array([along[1], -along[0]])
+    along_rad = float(np.sqrt(along @ covariance @ along))
+    return SkyUncertainty(
+        age_s=age_s,
+        along_track_rad=along_rad,
+        cross_track_rad=float(np.sqrt(across @ covariance @ across)),
+        along_track_s=min(along_rad * float(range_m) / speed, LEAST_KNOWN_S) if speed else 0.0,
         covariance_rad2=covariance,
     )
 

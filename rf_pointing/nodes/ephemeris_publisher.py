@@ -66,16 +66,15 @@ class EphemerisPublisher(StationNode):
         self._targets = self.stream(Target, "target", STREAM)
         self._passes = self.stream(PassList, "passes", LATCHED)
         self._profiles = self.stream(PassProfileList, "pass_profiles", LATCHED)
+        self.listen(PassList, "passes", lambda m: self.prediction.yield_to(m.target), LATCHED)
         source = self.prediction.source
         for topic, (kind, name, read) in WEATHER.items() if source.refraction == "measured" else ():
             take = lambda m, name=name, read=read: self.prediction.take_weather(name, read(m), self.now_s())  # noqa: E731
             self.listen(kind, topic, take, STREAM, required=True)
         if source.antenna.half_power_beamwidth_rad > 0.0:
             self.listen(Attitude, SATELLITE_ATTITUDE, self._on_attitude, STREAM)
-        held = convert.held_direction_from_message
-        self.listen(
-            TrackingStatus, "tracking_status", lambda m: self.prediction.take_tracking(m.target, held(m)), STREAM
-        )
+        held, take_held = convert.held_direction_from_message, self.prediction.take_tracking
+        self.listen(TrackingStatus, "tracking_status", lambda m: take_held(m.target, held(m)), STREAM)
         self.serve_action(Trigger, "~/forget_learned", lambda _: self.prediction.forget_learned(self.now_s()))
         self.serve(SelectTarget, "~/select_target", self._on_select)
         for word, act in self.prediction.about_offsets.items():

@@ -129,6 +129,20 @@ def ephemeris_publisher(of: Band) -> Derived:
     )  # fmt: skip
 
 
+def target_designate(of: Band) -> Derived:
+    """Targets without an orbit, as others report them."""
+    from rf_pointing.ephemeris.sites import Site
+    from rf_pointing.station.designated.target import DesignateParams
+
+    begin = Value(pass_elevation_deg(of.content), "mount.pass_elevation_deg")
+    at_origin = Site.from_degrees(0.0, 0.0, 0.0)
+    return Derived(
+        {"designate": DesignateParams(), "site": at_origin, "mask": HorizonMask()},
+        {"site": axes.site(of), "mask": axes.mask(of), "designate": {"mask_deg": begin}},
+        ("designate.",),
+    )
+
+
 def rf_receiver(of: Band) -> Derived:
     """The simulated receiver, and where the satellite really is."""
     from rf_pointing.ephemeris.source import SourceParams
@@ -281,7 +295,8 @@ NODES: Mapping[str, Callable[[Band], Derived]] = {
     # The node of a tracker is named in the row of its sensors.
     SENSORS[Sensor.STEPTRACK].node if each is carrier_tracker else each.__name__: each
     for each in (
-        antenna_servo, pointing_controller, ephemeris_publisher, rf_receiver, monopulse_tracker, carrier_tracker,
+        antenna_servo, pointing_controller, ephemeris_publisher, target_designate, rf_receiver,
+        monopulse_tracker, carrier_tracker,
         signal_source, signal_receiver,
         array_receiver, array_tracker, station_executive, station_alarms, bias_calibrator, operator_page, rotctld_server,
         radio_control, simulation_clock, station_description,
