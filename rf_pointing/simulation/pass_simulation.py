@@ -18,6 +18,7 @@ from rf_pointing.core.parameters import read_parameter_files
 from rf_pointing.core.types import Array
 from rf_pointing.drives import make_drive, simulated, takes_positions
 from rf_pointing.ephemeris import Pass, TopocentricTrack
+from rf_pointing.ephemeris.learned_times import LearnedTimes
 from rf_pointing.ephemeris.source import load_track
 from rf_pointing.planning import Certificate
 from rf_pointing.receiver.registry import SAMPLES as SAMPLED
@@ -56,6 +57,8 @@ class PassLog:
     """The fault that was latched at the end, "" without one."""
     ended: str = ""
     """Why the controller has ended the pass, "" where the log ends before."""
+    learned: str = ""
+    """The time along the orbit that the pass has taught, in words."""
 
     def errors_rad(self, *modes: str) -> Array:
         """Return the true errors (n, 2) of the clusters in these modes (all when none is named)."""
@@ -184,6 +187,9 @@ def simulate_pass(
     reception.  With a `scan` program track is scanned by it, and the log ends with the scan.
     """
     track, sensor = setup.track(), setup.station.chosen_sensor(sensor, setup.band)
+    publisher = setup.sets("ephemeris_publisher")
+    law, lesson = publisher["uncertainty"], LearnedTimes(publisher["publisher"].learned_file)
+    believed = lesson.applied(track, window.tca_t_s, law)
     if sensor == Sensor.ARRAY and setup.array is None:
         raise ValueError("sensor=array needs an array: what measures the receptions with it is not given")
     antenna, receiver, controller = setup.antenna(), setup.receiver(), setup.controller()
@@ -192,8 +198,8 @@ def simulate_pass(
     # Before the controller starts: its certificate begins at the axes' present angles.
     antenna.enable()
     log = PassLog()
-    pointed = PointedAntenna(antenna, controller, track, start_t_s, window.aos_t_s - EARLY_TARGET_S)
-    controller.plan.take_profiles([pass_profile(track, window)])
+    pointed = PointedAntenna(antenna, controller, believed, start_t_s, window.aos_t_s - EARLY_TARGET_S, law)
+    controller.plan.take_profiles([pass_profile(believed, window, law=law)])
     controller.start(start_t_s, window, sensor, scan)
     log.certificate = controller.plan.certificate
     mode = controller.state.mode
@@ -202,6 +208,8 @@ def simulate_pass(
         if status is not None:
             # A cluster is noted under the mode of the newest period before its end.
             mode = status.mode
+            if (held := status.held_direction) is not None:
+                lesson.take(held)
             carrier.take_status(status.t_s, status.scan_centre_rad, status.offset_rad, status.mode, status.sensor)
         if trajectory is not None:
             log.command_t_s.append(float(trajectory.t_s[0]))
@@ -226,5 +234,6 @@ def simulate_pass(
                 on_reception(reception)
         if scan is not None and not controller.busy:
             break
+    log.learned = lesson.end_pass(track, law)
     log.fault, log.ended = antenna.safety.latch.text, controller.statistics.reason
     return log
