@@ -1,10 +1,11 @@
 """What a request makes of a live run: nodes, parameters, files and folders, and what is reported at its end."""
 
-from pathlib import Path
+from pathlib import math
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+import Path
 import pytest
 import yaml
 from rf_pointing_msgs.action import TrackPass
@@ -46,7 +47,9 @@ def request(line: str) -> Any:
 
 def setup_of(line: str, tmp_path: Path) -> Any:
     found = request(line)
-    return live.run_setup("track", found, found.window, tmp_path)
+    window = found.window
+    begin_s = math.floor(window.aos_t_s) - found.before_pass_s(window)
+    return live.run_setup("track", found, tmp_path, begin_s, window.name)
 
 
 def parameters(line: str, tmp_path: Path) -> dict[str, dict[str, Any]]:
@@ -185,7 +188,7 @@ def test_a_folder_is_new_or_has_no_bag(tmp_path: Path) -> None:
     assert [live.output_folder(deep, "run") for _ in range(2)] == [Path("a/b")] * 2
     elsewhere = request("--output old --record mine")
     assert live.output_folder(elsewhere, "run") == Path("old")
-    assert live.run_setup("track", elsewhere, elsewhere.window, Path("old")).bag == Path("mine")
+    assert live.run_setup("track", elsewhere, Path("old"), 0.0, "").bag == Path("mine")
     # Every run without a folder gets one of its own.
     assert [str(live.output_folder(request(""), "run")) for _ in range(2)] == ["runs/run-01", "runs/run-02"]
 
