@@ -1,11 +1,11 @@
 """What a request makes of a live run: nodes, parameters, files and folders, and what is reported at its end."""
 
-from pathlib import math
+import math
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-import Path
 import pytest
 import yaml
 from rf_pointing_msgs.action import TrackPass
