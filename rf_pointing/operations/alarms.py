@@ -96,8 +96,8 @@ Notify = Callable[[str, Alarm], None]
 class AlarmBook:
     """All alarms of a station by their names; `notify` gets what an operator should receive.
 
-    `messages` counts these; while the book is `held` nothing is reported, and afterwards what
-    lasts.
+    `messages` counts these; while the book is `held` only ends of what it has reported are, and
+    afterwards what lasts.
     """
 
     notify: Notify
@@ -169,7 +169,8 @@ class AlarmBook:
         event, last_s = alarm.news, alarm.notified_t_s
         # A clock that was set back must not silence an alarm.
         waited = last_s is None or abs(t_s - last_s) >= alarm.patience_s(self.quiet_s)
-        if not event or self.held or not waited:
+        # What was reported here ends here, whoever reports meanwhile.
+        if not event or (self.held and event != "cleared") or not waited:
             return
         present = alarm.level, bool(alarm.ask), alarm.about
         alarm.notified_t_s, alarm.reported = t_s, present if alarm.lasts else (0, False, "")

@@ -9,7 +9,7 @@ antenna publishes /diagnostics once a second of wall time, so a node is deaf if
                                       publisher has just reported on /diagnostics that it is active,
                                       and not that it is silent and why
     its own periodic work             is not done for as long and two periods
-    a neighbour with its input        is silent for 10 s although most of the others receive it
+    a neighbour with its input        is silent for 10 s in which most of the others receive it
     most neighbours                   have not received this node for 10 s: it is mute; or one of
                                       them, which needs none of its topics, while the others have
     a name in the graph               has been damaged for 5 s, and could be read before
@@ -39,9 +39,8 @@ SILENCE_S = 25.0
 INPUT_SILENCE_S = 5.0
 RECENT_S = 3.0
 RECEIVED_S, PROVED_S = 5.0, 10.0
-"""A neighbour counts as received for so long after its last message.  One that has stopped is on no
-list that counts after RECEIVED_S + RECENT_S: what is on others' and silent here for longer is lost
-here."""
+"""A neighbour counts as received for so long after its last message; what others have received all
+the time for longer, and this node has not, is lost here."""
 FEWEST = 2
 OF_ALL = {TOPIC, "/rosout", "/parameter_events", "/clock"}
 """Topics that say nothing of who needs whom."""
@@ -92,6 +91,7 @@ class InputWatchdog:
         self._required: dict[str, float] = {}
         self._looked: tuple[float, float] | None = None
         self._readable, self._unreadable_s = False, 0.0
+        self._lost_s: dict[str, float] = {}
         self._mute_s: dict[str, float] = {}
         self.deaf = ""
         node.create_subscription(DiagnosticArray, TOPIC, self.note, STREAM, raw=True)
@@ -189,11 +189,15 @@ class InputWatchdog:
         """Compare with whom the neighbours receive, and note how long the graph cannot be read."""
         recent = [one for one in self._neighbours.values() if now_s - one.heard_s < RECENT_S]
         others = [one.received for one in recent if one.received is not None]
-        for name, one in self._neighbours.items():
-            since_s = now_s - one.heard_s
-            by = sum(name in names for names in others)
-            if since_s > PROVED_S and 2 * by > len(others) and self._passes(name, self._own):
-                self._end(f"nothing has been received from {name} for {since_s:.0f} s, which others receive")
+        lost = {
+            name for name, one in self._neighbours.items()
+            if now_s - one.taken_s > RECEIVED_S and 2 * sum(name in names for names in others) > len(others)
+        }  # fmt: skip
+        # Counted while others receive it: one that was killed is found again by each in its time.
+        self._lost_s = {name: self._lost_s.get(name, 0.0) + passed_s for name in lost}
+        for name, long_s in self._lost_s.items():
+            if long_s > PROVED_S and self._passes(name, self._own):
+                self._end(f"nothing has been received from {name} for {long_s:.0f} s, which others receive")
         silent_to = {
             name for name, one in self._neighbours.items()
             if one in recent and one.received is not None and self._own not in one.received

@@ -137,6 +137,16 @@ def test_another_fault_of_the_same_cause_is_another_message_that_must_be_acknowl
     assert not told.book.lasting[0].acknowledged
 
 
+def test_a_book_that_is_held_tells_the_end_of_what_it_has_told() -> None:
+    told = Told()
+    told.book.raise_("lost", ERROR, "silent for 5 s", 0.0)
+    told.book.held = True
+    told.book.raise_("other", ERROR, "now", 10.0)
+    told.book.clear("lost", 20.0)
+    told.book.clear("other", 30.0)
+    assert told.rows == [("raised", "lost"), ("cleared", "lost")]
+
+
 def test_a_book_that_is_held_tells_afterwards_what_lasts_and_a_clock_set_back_silences_nothing() -> None:
     told = Told()
     told.book.held = True

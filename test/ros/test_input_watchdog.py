@@ -170,6 +170,16 @@ def test_nodes_that_compare_whom_they_receive_find_the_one_that_starts_again(
     assert graph.watchdog.deaf == deaf
 
 
+def test_a_neighbour_that_was_killed_may_be_found_later_here_than_by_others() -> None:
+    graph, without = Graph(), {each: ALL_BUT[each].replace(f"{SERVO} ", "") for each in OTHERS}
+    graph.run(5, received=ALL_BUT)
+    # For as long as it is in the graph after its death, and until the new process is received.
+    graph.run(20, says=[RECEIVER, CALIBRATOR], received=without)
+    graph.run(9, received=ALL_BUT)
+    graph.run(5, says=list(OTHERS))
+    assert graph.watchdog.deaf == ""
+
+
 def test_what_a_node_receives_is_what_its_neighbours_read() -> None:
     graph, other = Graph(), Graph()
     graph.run(20)
@@ -216,7 +226,9 @@ def test_an_input_that_ends_proves_nothing_any_more() -> None:
 def test_a_required_input_is_missing_until_it_comes_and_when_its_last_sender_has_gone() -> None:
     graph, taken = Graph(), list[str]()
     take = {topic: graph.watchdog.require(topic, taken.append) for topic in (INPUT, "target", "weather/wind")}
-    assert graph.watchdog.missing() == ("joint_states (antenna_servo), target (ephemeris_publisher), /site/wind")
+    assert graph.watchdog.missing() == (
+        "joint_states (antenna_servo), target (ephemeris_publisher, target_designate), /site/wind"
+    )
     # The target is silent between passes: somebody who may send it is enough.
     graph.present["target"] = ["/gs1/ephemeris_publisher"]
     take[INPUT]("state")
@@ -225,6 +237,6 @@ def test_a_required_input_is_missing_until_it_comes_and_when_its_last_sender_has
     graph.run(30)
     assert graph.watchdog.missing() == "/site/wind", "nobody sends it, and nothing came for 25 s"
     graph.present = {TOPIC: [OWN], "weather/wind": ["/gs1/anemometer"]}
-    assert graph.watchdog.missing() == "joint_states (antenna_servo), target (ephemeris_publisher)"
+    assert graph.watchdog.missing() == "joint_states (antenna_servo), target (ephemeris_publisher, target_designate)"
     graph.watchdog.require_no_longer(INPUT)
-    assert graph.watchdog.missing() == "target (ephemeris_publisher)"
+    assert graph.watchdog.missing() == "target (ephemeris_publisher, target_designate)"
