@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from rf_pointing.api.passes import Look, PassCertificate, StationPass
     from rf_pointing.api.plan import Plan
     from rf_pointing.api.recording import Recording
+    from rf_pointing.api.replay import Replay, replay
     from rf_pointing.api.simulated import SimulatedPass
     from rf_pointing.api.station import Station
     from rf_pointing.api.target import Target, catalogue, elements
@@ -32,6 +33,7 @@ _HOMES = {
     "PassCertificate": "api.passes",
     "Plan": "api.plan",
     "Recording": "api.recording",
+    "Replay": "api.replay",
     "SimulatedPass": "api.simulated",
     "Station": "api.station",
     "StationPass": "api.passes",
@@ -42,13 +44,14 @@ _HOMES = {
     "fit": "api.calibration",
     "plan_network": "api.network",
     "read_model": "calibration.model_file",
+    "replay": "api.replay",
     "tune": "api.tuning",
 }
 """Every public name, and the module that it is loaded from."""
 __all__ = [
     "BiasModel", "Fit", "Look", "ModelVersion", "NetworkPlan", "Observations", "PassCertificate",
-    "Plan", "Recording", "SimulatedPass", "Station", "StationPass", "Target", "Tuning", "catalogue",
-    "elements", "fit", "plan_network", "read_model", "tune",
+    "Plan", "Recording", "Replay", "SimulatedPass", "Station", "StationPass", "Target", "Tuning",
+    "catalogue", "elements", "fit", "plan_network", "read_model", "replay", "tune",
 ]  # fmt: skip
 
 if not TYPE_CHECKING:

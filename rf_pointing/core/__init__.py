@@ -38,6 +38,7 @@ if TYPE_CHECKING:
         MonopulseCluster,
         PointingError,
         Target,
+        wire_name,
     )
 
 __getattr__ = lazily(__name__, __file__)
