@@ -46,6 +46,7 @@ EXECUTABLES = {
         "new_station",
         "plan_calibration",
         "plan_passes",
+        "replay",
         "report",
         "scan",
         "station",

@@ -1,4 +1,4 @@
-"""Executable `replay BAG|FOLDER`: recorded passes once more, as they were and with other parameters.
+"""Executable `replay BAG|FOLDER`: recorded passes once more, as they were and with changes.
 
     scripts/run replay runs/28057-20060627T045843-01 --law lqg
     scripts/run replay nights/ --params new_gains.yaml --allow "rms elevation=0.2"

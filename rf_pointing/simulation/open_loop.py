@@ -34,7 +34,6 @@ from rf_pointing.station.pointing.certificates import pass_profile
 from rf_pointing.tracking import MonopulseTracker
 from rf_pointing.tracking.sensors import SENSORS
 
-BEYOND_S = 10.0
 LONGEST_GAP_S = 1.0
 """Gap of a recorded stream that is named: over it a loop is not what was recorded."""
 
@@ -77,7 +76,7 @@ def time_of(signal: Any) -> float:
 class RecordedTrack(TopocentricTrack):
     """The target as `target` messages tell it, between them by a quintic polynomial.
 
-    It also goes on a little beyond the messages, by the rates at their ends.
+    Before the first and after the last it stands still: nothing is tracked there.
     """
 
     def __init__(self, targets: list[Target], place: TopocentricTrack) -> None:
@@ -85,7 +84,6 @@ class RecordedTrack(TopocentricTrack):
         self.name, self.site, self.refraction = targets[0].name, place.site, place.refraction
         rows = {round(each.t_s, 6): each for each in targets}
         known = [rows[t_s] for t_s in sorted(rows)]
-        known = [_moved_on(known[0], -BEYOND_S), *known, _moved_on(known[-1], BEYOND_S)]
         columns: dict[str, Any] = {
             name: np.array([getattr(each, name) for each in known])
             for name in (
@@ -108,10 +106,13 @@ class RecordedTrack(TopocentricTrack):
         """Return the directions at UTC times (n,)."""
         times = np.asarray(t_s, dtype=np.float64)
         known = self._reference.t_s
-        at = self._reference.at(np.clip(times, known[0], known[-1]))
+        # With both ends, since a track has two points at least; each time once, rising.
+        among, rows = np.unique(np.clip([*known[[0, -1]], *times], known[0], known[-1]), return_inverse=True)
+        at = self._reference.at(among)
         refraction, gain = (np.interp(times, known, column) for column in self._further)
         right, up = (np.interp(times, self._shift[0], column) for column in self._shift[1].T)
-        look = {name: getattr(at, name) for name in ReferenceTrack.__dataclass_fields__}
+        fields = ReferenceTrack.__dataclass_fields__
+        look = {name: getattr(at, name)[rows[2:]] for name in fields}
         look["t_s"] = times
         look["azimuth_rad"] = look["azimuth_rad"] + right / np.cos(look["elevation_rad"])
         look["elevation_rad"] = look["elevation_rad"] + up
@@ -127,16 +128,6 @@ class RecordedTrack(TopocentricTrack):
         numbers["refraction_rad"] = numbers["elevation_rad"] - numbers.pop("true_elevation_rad")
         numbers["azimuth_rad"] = nearest_turn_rad(numbers["azimuth_rad"], near_azimuth_rad)
         return Target(name=self.name, **numbers)
-
-
-def _moved_on(target: Target, by_s: float) -> Target:
-    fields = {name: getattr(target, name) for name in Target.__dataclass_fields__}
-    for axis in ("azimuth", "elevation"):
-        acceleration = fields[f"{axis}_acceleration_rad_s2"]
-        fields[f"{axis}_rad"] += by_s * fields[f"{axis}_rate_rad_s"] + 0.5 * by_s**2 * acceleration
-        fields[f"{axis}_rate_rad_s"] += by_s * acceleration
-    fields["range_m"] += by_s * fields["range_rate_m_s"]
-    return Target(**fields | {"t_s": target.t_s + by_s})
 
 
 def sensed_errors(setup: StationSetup, signals: Signals) -> list[PointingError]:
