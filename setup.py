@@ -39,6 +39,7 @@ EXECUTABLES = {
         "check_receiver",
         "check_station",
         "fetch_elements",
+        "fetch_schedule",
         "fit_bias_model",
         "identify_antenna",
         "launch",

@@ -16,7 +16,7 @@ from typing import Any
 from rf_pointing.commands.options import between, ending_with_reason, say
 from rf_pointing.core.dates import utc_text
 from rf_pointing.ephemeris.element_files import cache_folder
-from rf_pointing.ephemeris.fetching import HOUR_S, Outcome, age_text, fetched, kept_elements
+from rf_pointing.ephemeris.fetching import HOUR_S, Outcome, age_text, fetched, kept_outcomes
 
 PROGRAM = "fetch_elements"
 
@@ -40,8 +40,8 @@ def values(outcome: Outcome, now_s: float) -> dict[str, Any]:
     return {**found, "again_utc": utc_text(record.again_t_s(record.interval_s))}
 
 
-def show(outcome: Outcome, now_s: float) -> None:
-    """Print what is kept of an address, and how old it is."""
+def show(outcome: Outcome, now_s: float, what: str = "objects") -> None:
+    """Print what is kept of an address, how many of `what`, and how old it is."""
     record = outcome.record
     print(f"{record.address}: {outcome.state}")
     if outcome.problem:
@@ -49,7 +49,7 @@ def show(outcome: Outcome, now_s: float) -> None:
     if record.refused:
         print(f"  not used: {record.refused}")
     if outcome.state != "none":
-        print(f"  {record.objects} objects, confirmed {age_text(now_s - record.fresh_t_s)} ago, in {outcome.file}")
+        print(f"  {record.objects} {what}, confirmed {age_text(now_s - record.fresh_t_s)} ago, in {outcome.file}")
     if record.epochs_t_s and outcome.state != "none":
         oldest, median, newest = (age_text(now_s - t_s) for t_s in record.epochs_t_s)
         print(f"  age of the elements: newest {newest}, median {median}, oldest {oldest}")
@@ -73,7 +73,7 @@ def request_from(argv: list[str] | None = None) -> FetchRequest:
     options = parser.parse_args(argv)
     folder, addresses = cache_folder(options.cache), options.addresses
     if options.list:
-        return FetchRequest(lambda _now_s: kept_elements(addresses, folder), options.json)
+        return FetchRequest(lambda _now_s: kept_outcomes(addresses, folder), options.json)
     every_s = None if options.every is None else options.every * HOUR_S
     given = {"every_s": every_s, "timeout_s": options.timeout, "hosts": options.redirect_to}
     return FetchRequest(lambda now_s: fetched(addresses, folder, now_s, **given), options.json)

@@ -93,6 +93,7 @@ def arguments() -> argparse.ArgumentParser:
     add("--json", action="store_true", help="print JSON")
     add("--csv", type=Path, metavar="FILE", help="write all passes of many satellites as a table")
     add("--ics", type=Path, metavar="FILE", help="write the tracked passes of many satellites as a calendar")
+    add("--ccsds", type=Path, metavar="FILE", help="write them as a simple schedule (CCSDS 902.1-B, XML)")
     add("--oem", type=Path, metavar="FILE", help="write the satellite's motion over these hours as a CCSDS OEM")
     add("--picture", type=Path, metavar="FILE", help="draw the plan into this PNG")
     return parser
@@ -107,7 +108,7 @@ def request_with(**given: Any) -> PlanRequest:
     together = everything or bool(named)
     if together and given["oem"]:
         raise ValueError("--oem is of one satellite: give neither --satellites nor --all")
-    for name in ("csv", "ics"):
+    for name in ("csv", "ics", "ccsds"):
         if not together and given[name]:
             raise ValueError(f"--{name} is of a plan of many satellites: give --satellites or --all")
     say_of_elements(target)

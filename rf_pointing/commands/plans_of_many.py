@@ -1,6 +1,7 @@
 """Plans of many satellites that `plan_passes` prints: of one antenna, and of a network."""
 
 import argparse
+import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ from rf_pointing.api.station import Station
 from rf_pointing.api.target import Target
 from rf_pointing.commands.options import between, say, say_if
 from rf_pointing.core.whole_file import write_whole
+from rf_pointing.operations.pass_list import read_passes, to_simple_schedule
 
 PROGRAM = "plan_passes"
 
@@ -29,6 +31,7 @@ class PlanRequest:
     json: bool
     csv: Path | None
     ics: Path | None
+    ccsds: Path | None
     oem: Path | None
     picture: Path | None
     network: dict[str, Any] | None
@@ -68,13 +71,17 @@ def plan_stations(request: PlanRequest, targets: list[Target], network: dict[str
 
 
 def write_files(request: PlanRequest, plan: Plan | NetworkPlan) -> None:
-    """Write table and calendar of a plan of many satellites."""
+    """Write table, calendar and simple schedule of a plan of many satellites."""
     if request.csv:
         write_whole(request.csv, plan.to_csv())
         say(PROGRAM, str(request.csv))
     if request.ics:
         write_whole(request.ics, plan.to_calendar())
         say(PROGRAM, str(request.ics))
+    if request.ccsds:
+        passes = read_passes(plan.to_csv(), every=False)
+        write_whole(request.ccsds, to_simple_schedule(passes, request.station.name, time.time()))
+        say(PROGRAM, str(request.ccsds))
 
 
 def add_network_options(parser: argparse.ArgumentParser) -> None:

@@ -1,8 +1,8 @@
 """Files that are read and replaced as one: a killed process leaves the old text or the new one.
 
-`read_whole`, `parse_json` and `parse_yaml` read what others wrote, within bounds of length and
-depth that keep the time short.  `write_whole` writes any text.  `KeptState` keeps a few values of
-one node that outlive it as JSON.
+`read_whole`, `parse_json` and `parse_yaml` read what others wrote, within bounds of
+length and depth that keep the time short.  `write_whole` writes any text.  `KeptState` keeps a few
+values of one node that outlive it as JSON.
 Unreadable text is an error, not an empty start.  A file that cannot be written is an error at the
 start; later, when a disk fills up, it ends nothing: `problem` says so and every call tries again.
 """
@@ -25,6 +25,19 @@ JOURNAL_BYTES = 512 * 1024 * 1024
 """Longest table of observations, which grows over years."""
 DEEPEST = 50
 _LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+
+
+def open_private(path: Path, flags: int) -> int:
+    """Open or make a file of this user; RuntimeError for a link, or a file of another user."""
+    try:
+        opened = os.open(path, flags | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC | os.O_NONBLOCK, 0o600)
+    except OSError as error:
+        raise RuntimeError(f"{path} cannot be used: {error.strerror}") from error
+    found = os.fstat(opened)
+    if not stat.S_ISREG(found.st_mode) or found.st_uid != os.getuid() or found.st_nlink != 1:
+        os.close(opened)
+        raise RuntimeError(f"{path} must be a file of user {os.getuid()} without another name")
+    return opened
 
 
 def read_bytes(path: Path, most_bytes: int = SETTINGS_BYTES) -> bytes:

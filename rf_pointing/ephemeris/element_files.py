@@ -21,16 +21,16 @@ def is_address(location: str) -> bool:
     return location.casefold().startswith(("http://", "https://"))
 
 
-def cache_folder(stated: str = "") -> Path:
+def cache_folder(stated: str = "", name: str = "elements") -> Path:
     """Return the stated folder, or the one of the XDG base directories."""
     if stated:
         return Path(stated)
     # A relative XDG_CACHE_HOME is to be ignored, says the XDG specification.
     base = os.environ.get("XDG_CACHE_HOME", "")
-    return (Path(base) if Path(base).is_absolute() else Path.home() / ".cache") / "rf_pointing" / "elements"
+    return (Path(base) if Path(base).is_absolute() else Path.home() / ".cache") / "rf_pointing" / name
 
 
-def kept_file(address: str, folder: Path) -> Path:
+def kept_file(address: str, folder: Path, suffix: str = ".elements") -> Path:
     """Return the file that keeps what `address` answered; ValueError for one without a host."""
     parts = urlsplit(address)
     if not is_address(address) or not parts.hostname:
@@ -41,7 +41,7 @@ def kept_file(address: str, folder: Path) -> Path:
     import hashlib
 
     digest = hashlib.sha256(address.encode()).hexdigest()[:8]
-    return folder / f"{words[:120]}-{digest}.elements"
+    return folder / f"{words[:120]}-{digest}{suffix}"
 
 
 def element_files(location: str) -> list[Path]:

@@ -146,19 +146,18 @@ def read_omm_xml(text: str, _name: str = "") -> Found:
 
 def xml_segments(text: str, kind: str) -> Iterator[tuple[int, "Element | ValueError"]]:
     """Yield line and tree of every <segment>; of malformed XML, of those that are whole."""
-    if (place := text.replace("<!--", "<---").find("<!")) >= 0:
-        line = text.count("\n", 0, place) + 1
-        raise ValueError(f"line {line}: {kind} XML must not define entities or a document type")
     pieces = list(_pieces(text, _SEGMENT))
     from xml.etree.ElementTree import ParseError
 
+    from rf_pointing.core.xml_text import local_name, parse_xml
+
     try:
-        root = _tree(text, kind)
+        root = parse_xml(text, kind)
     except ParseError as error:
         bad = 0
         for line, piece in pieces:
             try:
-                yield line, _tree(re.sub(r"(?<=[<\s/])\w+:(?=[A-Za-z_]\w*[\s>/=])", "", piece), kind)
+                yield line, parse_xml(re.sub(r"(?<=[<\s/])\w+:(?=[A-Za-z_]\w*[\s>/=])", "", piece), kind)
             except ParseError as reason:
                 bad += 1
                 yield line, ValueError(f"line {line + reason.position[0] - 1}: {kind} XML is malformed: {reason}")
@@ -171,21 +170,6 @@ def xml_segments(text: str, kind: str) -> Iterator[tuple[int, "Element | ValueEr
 
 
 _SEGMENT = re.compile(r"<(\w+:)?segment\b(?:(?!</?(\w+:)?segment\b).)*(</(\w+:)?segment\s*>)?", re.DOTALL)
-
-
-def _tree(text: str, kind: str) -> "Element":
-    from xml.etree import ElementTree
-
-    parser: Any = ElementTree.XMLPullParser(("start", "end"))
-    root, depth = ElementTree.Element("none"), 0
-    parser.feed(text.strip())
-    parser.close()
-    for event, element in parser.read_events():
-        root = element if depth == 0 and event == "start" else root
-        depth += 1 if event == "start" else -1
-        if depth > DEEPEST:
-            raise ValueError(f"{kind} XML is nested more than {DEEPEST} deep")
-    return root
 
 
 def _pieces(text: str, pattern: re.Pattern[str]) -> Iterator[tuple[int, str]]:
@@ -264,6 +248,8 @@ def _once(pairs: Sequence[tuple[str, Any]]) -> dict[str, Any]:
 
 def _key_and_text(leaf: "Element") -> tuple[str, str]:
     """Return keyword and text of an XML leaf, its unit behind it as in KVN."""
+    from rf_pointing.core.xml_text import local_name
+
     unit = leaf.get("units")
     return local_name(leaf.tag), f"{leaf.text or ''} [{unit}]" if unit else leaf.text or ""
 
@@ -349,10 +335,6 @@ def _integer(fields: Fields, key: str, missing: float | None = None) -> int:
     if value != int(value):
         raise ValueError(f"{key}={value} must be a whole number")
     return int(value)
-
-
-def local_name(tag: str) -> str:
-    return tag.rsplit("}", 1)[-1]
 
 
 def _no_constant(name: str) -> float:

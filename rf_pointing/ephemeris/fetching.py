@@ -1,9 +1,10 @@
-"""Elements of http(s) addresses, kept as files that stay usable.
+"""Elements, and what else http(s) addresses answer, kept as files that stay usable.
 
-Elements are requested when they have changed (ETag, If-Modified-Since), and not more often than the
-source allows.  Only a whole answer with elements replaces the kept file; an error, a web page, half
-a file or no answer leaves it as it is.  A server may send the request on to another one only where
-the user has named it: whoever holds the address must not reach the ports of this computer.
+`Contents` says what an address must answer with.  It is requested when it has changed (ETag,
+If-Modified-Since), and not more often than the source allows.  Only a whole answer replaces the
+kept file; an error, a web page, half a file or no answer leaves it as it is.  A server may send the
+request on to another one only where the user has named it: whoever holds the address must not reach
+the ports of this computer.
 """
 
 import fcntl
@@ -13,10 +14,10 @@ import re
 import statistics
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from email.utils import parsedate_to_datetime
 from pathlib import Path
 from typing import Any
@@ -28,11 +29,15 @@ from rf_pointing.ephemeris.element_files import cache_folder, is_address, kept_f
 
 HOUR_S = 3600.0
 DEFAULT_RULE_S = 2.0 * HOUR_S
-RULES_S = {"celestrak.org": 2.0 * HOUR_S, "celestrak.com": 2.0 * HOUR_S, "space-track.org": HOUR_S}
+RULES_S = {
+    "celestrak.org": 2.0 * HOUR_S, "celestrak.com": 2.0 * HOUR_S, "space-track.org": HOUR_S,
+    "network.satnogs.org": 60.0,
+}  # fmt: skip
 """Shortest time between two requests for the same data that a source allows.
 
 Sources: celestrak.org/usage-policy.php (GP data change every 2 h; clients that request more often
-are blocked) and space-track.org/documentation (GP: once an hour).
+are blocked), space-track.org/documentation (GP: once an hour) and the client of SatNOGS, which
+requests its jobs once a minute.
 """
 UNREACHED_S = 60.0
 """A server that was not reached got no request: it may be tried again after this time."""
@@ -41,6 +46,7 @@ LONGEST_WAIT_S = 24.0 * HOUR_S
 MOST_BYTES = DATA_BYTES
 """Longest answer that is kept: no node reads a longer file."""
 MOST_REDIRECTS = 5
+LOOPBACK = ("127.0.0.1", "::1", "localhost")
 FEWEST_SHARE = 0.5
 """A new file with fewer objects than this share of the kept one's is taken for half a file."""
 _HEADER = re.compile(r"[!-~]([ -~]{0,500}[!-~])?")
@@ -92,8 +98,36 @@ class Outcome:
         return self.record.problem
 
 
+@dataclass(frozen=True, kw_only=True)
+class Contents:
+    """A kind of answer: `note` returns its record, or raises ValueError for another kind.
+
+    `text` makes of the answer what is kept.
+    """
+
+    name: str
+    whole: str
+    command: str
+    note: Callable[[str, Record], Record]
+    text: Callable[[str], str] = str
+    suffix: str = ".elements"
+    rule_s: float = DEFAULT_RULE_S
+    """Time between two requests where the source has no rule."""
+    shrinks: bool = False
+    """Whether a new file may hold far fewer objects than the kept one."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Question:
+    """How an address is requested; the headers may be secret, and go to no other server."""
+
+    method: str = "GET"
+    body: str = ""
+    headers: Mapping[str, str] = field(default_factory=dict)
+
+
 class NotTakenError(Exception):
-    """An answer without elements; `reached` tells whether the server got the request."""
+    """An answer that cannot be used; `reached` tells whether the server got the request."""
 
     def __init__(self, reason: str, *, reached: bool = True, wait_s: float = 0.0) -> None:
         super().__init__(reason)
@@ -102,7 +136,7 @@ class NotTakenError(Exception):
 
 def refresh(
     address: str, folder: Path, now_s: float, *, every_s: float | None = None, timeout_s: float = 60.0,
-    hosts: Sequence[str] = (),
+    hosts: Sequence[str] = (), contents: Contents | None = None, question: Question | None = None,
 ) -> Outcome:  # fmt: skip
     """Bring the kept file of `address` up to date where the source's rule allows a request.
 
@@ -112,9 +146,18 @@ def refresh(
     every_s : time between two requests; None for the source's rule, below which it must not be.
     timeout_s : longest time for the whole answer, however steadily its bytes arrive.
     hosts : other servers to which this one may send the request on, from now on.
+    contents, question : elements, requested by GET, if None.
+
+    Raises
+    ------
+    ValueError
+        An interval below the rule of the source, secret headers for an address that anybody on the
+        way can read, and a record that cannot be kept.
     """
-    every_s = allowed_interval_s(address, every_s)
-    file = kept_file(address, folder)
+    contents, question = contents or ELEMENTS, question or Question()
+    every_s = allowed_interval_s(address, every_s, contents.rule_s)
+    require_secure(address, question)
+    file = kept_file(address, folder, contents.suffix)
     state = KeptState(str(file.with_name(f".{file.name}.json")))
     with _alone(file):
         record = _recovered(state, address)
@@ -129,11 +172,12 @@ def refresh(
         try:
             # "Not modified" would say nothing about a file that is gone or was changed by hand.
             whole = bool(kept) and kept == record.digest
-            answer = _get(requested if whole else replace(requested, etag="", last_modified=""), timeout_s)
+            known = requested if whole else replace(requested, etag="", last_modified="")
+            answer = _get(known, timeout_s, contents, question)
             if answer is None:
                 done, name = replace(requested, fresh_t_s=now_s, problem=""), "unchanged"
             else:
-                done, name = _taken(answer, requested, file, now_s), "new"
+                done, name = _taken(answer, requested, file, now_s, contents), "new"
         except NotTakenError as error:
             # A server that was not reached got no request.
             requested_t_s, wait_s = (now_s, error.wait_s) if error.reached else (record.requested_t_s, UNREACHED_S)
@@ -146,12 +190,35 @@ def refresh(
         return Outcome(state=name, file=file, record=done)
 
 
-def allowed_interval_s(address: str, every_s: float | None) -> float:
+def require_secure(address: str, question: Question) -> None:
+    """Raise ValueError for a token or a password to an address that anybody on the way can read."""
+    parts = urlsplit(address)
+    seen = parts.scheme.casefold() != "https" and parts.hostname not in LOOPBACK
+    if seen and "Authorization" in question.headers:
+        raise ValueError(f"address {address!r} must begin with https:// for a token or a password")
+
+
+def send(address: str, data: Mapping[str, str], question: Question, timeout_s: float) -> tuple[int, str]:
+    """Send fields to an address; return status and reason of the answer, or 0 and why none came."""
+    import requests
+
+    require_secure(address, question)
+    try:
+        answer = requests.request(
+            question.method, address, data=dict(data), headers=dict(question.headers), timeout=timeout_s,
+            allow_redirects=False,
+        )  # fmt: skip
+    except requests.RequestException as error:
+        return 0, str(error)
+    return answer.status_code, answer.reason
+
+
+def allowed_interval_s(address: str, every_s: float | None, default_s: float = DEFAULT_RULE_S) -> float:
     """Return the time between two requests; ValueError for one below the rule of the source."""
     host = (urlsplit(address).hostname or "").casefold()
     rule_s = next((rule for name, rule in RULES_S.items() if host == name or host.endswith(f".{name}")), None)
     if every_s is None:
-        return DEFAULT_RULE_S if rule_s is None else rule_s
+        return default_s if rule_s is None else rule_s
     if rule_s is not None and every_s < rule_s:
         raise ValueError(f"every={every_s / HOUR_S:g} h must be >= {rule_s / HOUR_S:g} h, the rule of {host}")
     return every_s
@@ -178,22 +245,26 @@ def fetched(addresses: Sequence[str], folder: Path, now_s: float, **options: Any
     `options` are those of `refresh`.
     """
     _require_addresses(addresses)
-    found = addresses or [one.record.address for one in kept_elements((), folder)]
+    kept = [] if addresses else kept_outcomes((), folder, options.get("contents"))
+    found = addresses or [one.record.address for one in kept]
     return [refresh(one, folder, now_s, **options) for one in found]
 
 
-def kept_elements(addresses: Sequence[str], folder: Path) -> list[Outcome]:
+def kept_outcomes(addresses: Sequence[str], folder: Path, contents: Contents | None = None) -> list[Outcome]:
     """Return what `folder` keeps of these addresses, or of all, without a request.
 
     In order of address; ValueError where it keeps none of them.
     """
     _require_addresses(addresses)
-    found = [_recovered(KeptState(str(path)), "") for path in folder.glob(".*.elements.json")]
+    contents = contents or ELEMENTS
+    states = folder.glob(f".*{contents.suffix}.json")
+    found = [_recovered(KeptState(str(path)), "") for path in states]
     known = [one for one in found if one.address and (not addresses or one.address in addresses)]
     records = sorted(known, key=lambda one: one.address)
     if not records:
-        raise ValueError(f"{folder} keeps no elements{' of these addresses' if addresses else ''}: give an address")
-    files = [kept_file(record.address, folder) for record in records]
+        those = " of these addresses" if addresses else ""
+        raise ValueError(f"{folder} keeps no {contents.name}{those}: give an address")
+    files = [kept_file(record.address, folder, contents.suffix) for record in records]
     return [
         Outcome(state=_kept_state(record, _digest(file), "kept"), file=file, record=record)
         for record, file in zip(records, files, strict=True)
@@ -239,13 +310,13 @@ class _Answer:
     of_known_length: bool
 
 
-def _get(record: Record, timeout_s: float) -> _Answer | None:
+def _get(record: Record, timeout_s: float, contents: Contents, question: Question) -> _Answer | None:
     """Return the answer, None when nothing has changed; NotTakenError for everything else."""
     found: Future[_Answer | None] = Future()
 
     def work() -> None:
         try:
-            found.set_result(_request(record, timeout_s))
+            found.set_result(_request(record, timeout_s, contents, question))
         except Exception as error:
             # A Location such as http://[ raises inside of requests.
             known = isinstance(error, NotTakenError)
@@ -259,27 +330,32 @@ def _get(record: Record, timeout_s: float) -> _Answer | None:
         raise NotTakenError(f"{record.address} has not answered in full after {timeout_s:g} s") from None
 
 
-def _request(record: Record, timeout_s: float) -> _Answer | None:
+def _request(record: Record, timeout_s: float, contents: Contents, question: Question) -> _Answer | None:
     import requests
 
     wanted = {"User-Agent": "rf_pointing", "If-None-Match": record.etag, "If-Modified-Since": record.last_modified}
     # Also those that were kept before they were checked: nothing could be sent with them.
     headers = {name: value for name, value in wanted.items() if _sendable(value)}
-    address = record.address
+    address, own = record.address, _server(urlsplit(record.address))
     try:
         for _ in range(MOST_REDIRECTS):
-            response = requests.get(address, headers=headers, stream=True, timeout=timeout_s, allow_redirects=False)
+            secret = question.headers if _server(urlsplit(address)) == own else {}
+            response = requests.request(
+                question.method, address, data=question.body or None, headers={**headers, **secret}, stream=True,
+                timeout=timeout_s, allow_redirects=False,
+            )  # fmt: skip
             if not response.is_redirect:
                 break
             response.close()
-            address = _sent_on(address, response.headers["Location"], record)
+            address = _sent_on(address, response.headers["Location"], record, contents)
         else:
             raise NotTakenError(f"{record.address} was sent on {MOST_REDIRECTS} times")
         with response:
             status, found = response.status_code, response.headers
             if status == 304 and len(headers) > 1:
                 return None
-            if status != 200:
+            # 207: the answer of WebDAV, which holds that of each of its files.
+            if status not in (200, 207):
                 wait_s = _retry_after_s(found.get("Retry-After", ""))
                 raise NotTakenError(f"{response.url} answered {status} {response.reason}", wait_s=wait_s)
             body = bytearray()
@@ -298,7 +374,7 @@ def _sendable(value: str) -> str:
     return value if _HEADER.fullmatch(value) else ""
 
 
-def _sent_on(address: str, location: str, record: Record) -> str:
+def _sent_on(address: str, location: str, record: Record, contents: Contents) -> str:
     """Return where a request is sent on; NotTakenError for a server that was not named."""
     try:
         begin, end = urlsplit(address), urlsplit(target := urljoin(address, location))
@@ -309,7 +385,7 @@ def _sent_on(address: str, location: str, record: Record) -> str:
         raise NotTakenError(f"{address} was sent on to {brief(target)}, must be {begin.scheme}")
     if not same and end.hostname not in record.hosts:
         raise NotTakenError(
-            f"{address} was sent on to {end.hostname}, which only fetch_elements --redirect-to {end.hostname} allows"
+            f"{address} was sent on to {end.hostname}, which only {contents.command} --redirect-to {end.hostname} allows"
         )
     return target
 
@@ -346,21 +422,23 @@ def _retry_after_s(text: str) -> float:
         return 0.0
 
 
-def _taken(answer: _Answer, requested: Record, file: Path, now_s: float) -> Record:
-    """Replace the kept file by an answer that holds elements; NotTakenError leaves it alone."""
+def _taken(answer: _Answer, requested: Record, file: Path, now_s: float, contents: Contents) -> Record:
+    """Replace the kept file by an answer that is whole; NotTakenError leaves it alone."""
     from rf_pointing.ephemeris.orbit_file import decoded
 
     try:
-        text = decoded(answer.body)
-        found = _record_of(text, requested)
+        text = contents.text(decoded(answer.body))
+        found = contents.note(text, requested)
     except ValueError as error:
         start = " ".join(answer.body[:60].decode("utf-8", "replace").split())
-        what = "a web page" if start.casefold().startswith(("<!doctype html", "<html")) else "no whole set of elements"
+        what = (
+            "a web page" if start.casefold().startswith(("<!doctype html", "<html")) else f"no whole {contents.whole}"
+        )
         raise NotTakenError(f"{requested.address} answered {what} ({start!r}): {error}") from error
     # A connection that ends early looks like a whole answer when no length was promised.
     if not answer.of_known_length and text.lstrip()[:1] not in "[{<" and not text.endswith(("\n", "\r")):
         raise NotTakenError(f"{requested.address} ended in the middle of a line: {text[-40:].splitlines()[-1]!r}")
-    if file.is_file() and found.objects < FEWEST_SHARE * requested.objects:
+    if not contents.shrinks and file.is_file() and found.objects < FEWEST_SHARE * requested.objects:
         raise NotTakenError(
             f"{requested.address} holds {found.objects} objects, fewer than half of the {requested.objects} that are "
             f"kept; delete {file} to take them"
@@ -379,6 +457,9 @@ def _record_of(text: str, requested: Record) -> Record:
     epochs = sorted(one.epoch_t_s for one in found.elements)
     ages = (epochs[0], statistics.median(epochs), epochs[-1]) if epochs else None
     return replace(requested, objects=len(objects), epochs_t_s=ages, refused="; ".join(found.problems))
+
+
+ELEMENTS = Contents(name="elements", whole="set of elements", command="fetch_elements", note=_record_of)
 
 
 def age_text(seconds: float) -> str:

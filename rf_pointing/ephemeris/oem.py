@@ -172,7 +172,8 @@ _COVARIANCE_LEAVES = [f"C{row}_{column}" for k, row in enumerate(_STATE_LEAVES) 
 
 def read_oem_xml(text: str, _name: str = "") -> Iterator[OemSegment | ValueError]:
     """Yield the segments of an <oem>, in XML, in file order."""
-    from rf_pointing.ephemeris.element_messages import local_name, xml_segments
+    from rf_pointing.core.xml_text import local_name
+    from rf_pointing.ephemeris.element_messages import xml_segments
 
     for line, segment in xml_segments(text, "OEM"):
         if isinstance(segment, ValueError):

@@ -19,6 +19,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rf_pointing_msgs import msg as ours
 from sensor_msgs.msg import JointState
 
+from rf_pointing.core.secret_files import read_token
 from rf_pointing.ros import convert, station_view
 from rf_pointing.ros.command_key import CommandKeyParams
 from rf_pointing.ros.convert_planning import profile_from_message
@@ -30,7 +31,6 @@ from rf_pointing.ros.main_loop import run
 from rf_pointing.ros.managed import ManagedNode
 from rf_pointing.ros.qos import IN_USE, LATCHED, STATUS, STREAM
 from rf_pointing.ros.repeated_call import ParametersOf
-from rf_pointing.ros.secret_files import read_token
 from rf_pointing.station.clients.board import JOG, LONGEST_TEXT, READ, Board, PageParams
 from rf_pointing.tracking.sensors import load_trackers
 from rf_pointing.web.metrics import board_metrics

@@ -21,6 +21,7 @@ from rf_pointing_msgs import msg as ours
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
+from rf_pointing.core.secret_files import read_token
 from rf_pointing.drives.line_server import Inquiry, LineServer
 from rf_pointing.drives.rigctld import RadioView, RigWords
 from rf_pointing.ephemeris.solar import SolarDirection
@@ -29,7 +30,6 @@ from rf_pointing.ros import convert
 from rf_pointing.ros.graph import INHIBIT, RADIO
 from rf_pointing.ros.main_loop import run
 from rf_pointing.ros.qos import STATUS, STREAM
-from rf_pointing.ros.secret_files import read_token
 from rf_pointing.ros.station_node import StationNode
 from rf_pointing.station.radio.control import PERIOD_S, RadioControl
 from rf_pointing.station.radio.inhibit import TransmitRules

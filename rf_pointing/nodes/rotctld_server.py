@@ -22,6 +22,7 @@ from typing import Any
 from rf_pointing_msgs import msg as ours
 from sensor_msgs.msg import JointState
 
+from rf_pointing.core.secret_files import read_token
 from rf_pointing.drives.line_server import IO_ERROR, REJECTED, Inquiry, LineServer
 from rf_pointing.drives.rotctld import RotatorWords, StationView
 from rf_pointing.ros import convert, convert_calibration
@@ -30,7 +31,6 @@ from rf_pointing.ros.graph import EXECUTIVE_STATUS
 from rf_pointing.ros.main_loop import run
 from rf_pointing.ros.qos import LATCHED, STATUS, STREAM
 from rf_pointing.ros.repeated_call import ParametersOf
-from rf_pointing.ros.secret_files import read_token
 from rf_pointing.ros.signed_commands import CommandSender
 from rf_pointing.ros.stamps import seconds_from_stamp
 from rf_pointing.ros.station_node import StationNode

@@ -17,9 +17,10 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
 
+from rf_pointing.core.whole_file import open_private
 from rf_pointing.ros.diagnostics import Health
 from rf_pointing.ros.graph import ERRORS, ESSENTIAL, TOPICS, Topic
-from rf_pointing.ros.main_loop import open_private, run
+from rf_pointing.ros.main_loop import run
 from rf_pointing.ros.managed import ManagedNode
 from rf_pointing.ros.qos import STREAM
 from rf_pointing.ros.stamps import seconds_from_raw, seconds_from_stamp, stamp_from_seconds

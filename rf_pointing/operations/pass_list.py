@@ -1,8 +1,9 @@
-"""Lists of passes in and out: JSON, CSV and calendars (RFC 5545), as `plan_passes` writes them.
+"""Lists of passes in and out: JSON, CSV, calendars (RFC 5545) and CCSDS simple schedules.
 
 A list of another program needs three columns: target (or catalogue_number, or name), aos_utc
 and los_utc.  A calendar needs events with a summary; what `plan_passes` adds as X-properties makes
-the way out and back exact.
+the way out and back exact.  Jobs of the SatNOGS network are lists as its API gives them.  A simple
+schedule (CCSDS 902.1-B) has the target as the user of each package; what is cancelled is left out.
 """
 
 import csv
@@ -15,7 +16,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
-from rf_pointing.core.checks import brief, is_number
+from rf_pointing.core.checks import brief, id_of, is_number
 from rf_pointing.core.dates import parse_utc, utc_text
 from rf_pointing.core.whole_file import parse_json
 from rf_pointing.operations.schedule import MOST_PASSES, ScheduledPass, require_each_once
@@ -25,6 +26,9 @@ _PLANNED = ("", "tracked")
 _PATH = ("aos_azimuth_deg", "azimuth_low_deg", "azimuth_high_deg", "azimuth_end_deg")
 _EXACT = "X-RF-POINTING-PASS"
 _REPEATED = ("RRULE", "RDATE", "EXRULE", "EXDATE", "RECURRENCE-ID")
+_SCHEDULE_SPACE = "urn:ccsds:schema:cssm:1.0.0"
+_TRACK = ("beginningOfTrack", "endOfTrack")
+_DAY_OF_YEAR = re.compile(r"(\d{4})-(\d{3})(T.*)")
 _LARGEST = 1e9
 """Largest number of a row: degrees, hours, priorities."""
 
@@ -38,12 +42,15 @@ def read_passes(text: str, *, every: bool = True) -> list[ScheduledPass]:
     rows: list[Any]
     if start.startswith("BEGIN:VCALENDAR"):
         rows = _calendar_rows(start)
+    elif start.startswith("<"):
+        rows = _simple_schedule_rows(start)
     elif start.startswith(("{", "[")):
         content = parse_json(text)
         given = content.get("passes") if isinstance(content, Mapping) else content
         rows = given if isinstance(given, list) else [None]
         if not all(isinstance(row, Mapping) for row in rows):
             raise ValueError("a schedule in JSON must be a list of passes, or an object with passes")
+        rows = [_job_row(row) if "tle1" in row else row for row in rows]
     else:
         try:
             rows = list(csv.DictReader(io.StringIO(start, newline=None)))
@@ -120,6 +127,89 @@ def to_calendar(
     return str(calendar.to_ical().decode("utf-8"))
 
 
+def to_simple_schedule(passes: Sequence[ScheduledPass], station: str, now_s: float) -> str:
+    """Return the passes as a simple schedule in XML, a package for each target.
+
+    Source: CCSDS 902.1-B-1, with the structure in which other programs write it; it was not held
+    against the schema of the standard.
+    """
+    from xml.etree import ElementTree
+
+    root = ElementTree.Element("simpleSchedule", xmlns=_SCHEDULE_SPACE, srvMgtEntityType="SIMPLE_SCHEDULE")
+    head = {
+        "originatingOrganization": station, "generationTime": utc_text(now_s), "status": "OPERATIONAL",
+        "inclusionType": "START_INCLUSION", "version": "1",
+        "startTime": utc_text(min((each.aos_t_s for each in passes), default=now_s)),
+        "endTime": utc_text(max((each.los_t_s for each in passes), default=now_s)),
+    }  # fmt: skip
+    ElementTree.SubElement(root, "simpleScheduleHeader", head)
+    packages: dict[str, ElementTree.Element] = {}
+    for item in passes:
+        if item.target not in packages:
+            about = {"scheduledPackageId": item.target, "user": item.target, "comment": item.name}
+            packages[item.target] = ElementTree.SubElement(root, "scheduledPackage", about)
+        activity = {
+            "scheduledActivityId": item.id, "activityStatus": "COMMITTED", "siteRef": station,
+            "apertureRef": item.antenna or station,
+            "beginningOfTrack": utc_text(item.aos_t_s), "endOfTrack": utc_text(item.los_t_s),
+        }  # fmt: skip
+        ElementTree.SubElement(packages[item.target], "scheduledActivity", activity)
+    ElementTree.indent(root)
+    return f'<?xml version="1.0" encoding="UTF-8"?>\n{ElementTree.tostring(root, encoding="unicode")}\n'
+
+
+def _simple_schedule_rows(text: str) -> list[dict[str, Any]]:
+    from xml.etree.ElementTree import ParseError
+
+    from rf_pointing.core.xml_text import local_name, parse_xml
+
+    try:
+        root = parse_xml(text, "schedule")
+    except ParseError as error:
+        raise ValueError(f"line {error.position[0]}: schedule XML is malformed: {error}") from error
+    if local_name(root.tag) != "simpleSchedule":
+        raise ValueError(f"<{local_name(root.tag)}> is not a schedule, must be <simpleSchedule> (CCSDS 902.1-B)")
+    rows = list[dict[str, Any]]()
+    for package in root:
+        if local_name(package.tag) != "scheduledPackage":
+            continue
+        target = package.get("user") or package.get("scheduledPackageId") or ""
+        for activity in package:
+            if (
+                local_name(activity.tag) != "scheduledActivity"
+                or "CANCEL" in activity.get("activityStatus", "").upper()
+            ):
+                continue
+            given = activity.attrib
+            name = given.get("scheduledActivityId", f"{len(rows) + 1} of {target}")
+            if missing := [each for each in _TRACK if each not in given]:
+                raise ValueError(f"scheduledActivity {name}: {missing[0]} is missing")
+            aos, los = (_day_of_year(given[each]) for each in _TRACK)
+            about = package.get("comment", "")
+            row = {"id": id_of(name), "target": target, "name": about}
+            rows.append({**row, "aos_utc": aos, "los_utc": los})
+    return rows
+
+
+def _day_of_year(text: str) -> str:
+    """Return a CCSDS time, which may have the day of the year, as an ISO time."""
+    found = _DAY_OF_YEAR.fullmatch(text.strip())
+    if not found:
+        return text.strip()
+    begin = datetime(int(found[1]), 1, 1, tzinfo=UTC) + timedelta(days=int(found[2]) - 1)
+    return f"{begin:%Y-%m-%d}{found[3]}"
+
+
+def _job_row(job: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a job of the SatNOGS network, which brings its elements, as a row."""
+    begin, end, number = (_text(job, key) for key in ("start", "end", "id"))
+    name = _text(job, "tle0").removeprefix("0 ").strip()
+    # Numbers of five signs have zeros before them, or a letter.
+    target = _text(job, "tle1")[2:7].strip().lstrip("0") or name
+    row = {"id": f"satnogs-{number}", "target": target, "name": name}
+    return {**row, "aos_utc": begin, "los_utc": end}
+
+
 def _calendar_rows(text: str) -> list[dict[str, Any]]:
     from icalendar import Calendar
 
@@ -156,9 +246,7 @@ def _calendar_rows(text: str) -> list[dict[str, Any]]:
         zones = [event[key].params.get("TZID") for key in ("dtstart", "dtend") if key in event]
         floating = begin.tzinfo is None or end.tzinfo is None
         if floating and (unknown := next(filter(None, zones), "")):
-            raise ValueError(
-                f"{said} has a time in a zone that is not known, TZID={unknown}: write Z",
-            )
+            raise ValueError(f"{said} has a time in a zone that is not known, TZID={unknown}: write Z")
         if floating:
             raise ValueError(f"{said} has a time without a zone, {begin.isoformat()}: write Z or TZID")
         times = {key: utc_text(when.timestamp()) for key, when in (("aos_utc", begin), ("los_utc", end))}

@@ -9,18 +9,21 @@ antenna publishes /diagnostics once a second of wall time, so a node is deaf if
                                       publisher has just reported on /diagnostics that it is active,
                                       and not that it is silent and why
     its own periodic work             is not done for as long and two periods
-    a neighbour                       is silent for 10 s although most of the others receive it
-    most neighbours                   have not received this node for 10 s: it is mute
+    a neighbour with its input        is silent for 10 s although most of the others receive it
+    most neighbours                   have not received this node for 10 s: it is mute; or one of
+                                      them, which needs none of its topics, while the others have
     a name in the graph               has been damaged for 5 s, and could be read before
 
 A node that was killed leaves the graph after 20 s.  The silence of one neighbour alone proves
-nothing: it may work on something long.  So each node says on /diagnostics whom it receives.
+nothing: it may work on something long.  So each node says on /diagnostics whom it receives.  Of two
+of which one does not receive the other, the one starts again that needs something of the other.
 """
 
 import math
 import re
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -40,6 +43,8 @@ RECEIVED_S, PROVED_S = 5.0, 10.0
 list that counts after RECEIVED_S + RECENT_S: what is on others' and silent here for longer is lost
 here."""
 FEWEST = 2
+OF_ALL = {TOPIC, "/rosout", "/parameter_events", "/clock"}
+"""Topics that say nothing of who needs whom."""
 # The message of the status `state`: a string is its length, its bytes and a zero, aligned.
 ACTIVE = re.compile(rb": state\x00.{0,3}?\x07\x00\x00\x00active\x00", re.DOTALL)
 # The value `received`: names, with a space after each so that none is taken for its own sender.
@@ -86,7 +91,8 @@ class InputWatchdog:
         self._inputs: list[_Input] = []
         self._required: dict[str, float] = {}
         self._looked: tuple[float, float] | None = None
-        self._readable, self._unreadable_s, self._mute_s = False, 0.0, 0.0
+        self._readable, self._unreadable_s = False, 0.0
+        self._mute_s: dict[str, float] = {}
         self.deaf = ""
         node.create_subscription(DiagnosticArray, TOPIC, self.note, STREAM, raw=True)
         node.diagnostics.add("hearing", self.look)
@@ -174,28 +180,50 @@ class InputWatchdog:
         if self.deaf:
             return Health(ERROR, f"{self.deaf}: the node starts again")
         words = "; ".join(f"{name} has been silent for {since_s:.0f} s" for name, since_s in silent.items())
-        received = [name for name, one in self._neighbours.items() if now_s - one.taken_s < RECEIVED_S]
-        values = {"received": "".join(f"{name} " for name in received)}
+        since_s = {name: now_s - one.taken_s for name, one in self._neighbours.items()}
+        received = [f"{name} " for name, silence_s in since_s.items() if silence_s < RECEIVED_S]
+        values = {"received": "".join(received)}
         return Health(WARN if words else OK, words or f"{len(self._neighbours)} neighbours", values)
 
     def _compare(self, now_s: float, passed_s: float) -> None:
         """Compare with whom the neighbours receive, and note how long the graph cannot be read."""
-        reports = [one.received for one in self._neighbours.values() if now_s - one.heard_s < RECENT_S]
-        others = [names for names in reports if names is not None]
+        recent = [one for one in self._neighbours.values() if now_s - one.heard_s < RECENT_S]
+        others = [one.received for one in recent if one.received is not None]
         for name, one in self._neighbours.items():
             since_s = now_s - one.heard_s
-            if since_s > PROVED_S and 2 * sum(name in names for names in others) > len(others):
+            by = sum(name in names for names in others)
+            if since_s > PROVED_S and 2 * by > len(others) and self._passes(name, self._own):
                 self._end(f"nothing has been received from {name} for {since_s:.0f} s, which others receive")
-        mute = len(others) >= FEWEST and 2 * sum(self._own in names for names in others) < len(others)
-        self._mute_s = self._mute_s + passed_s if mute else 0.0
-        if self._mute_s > PROVED_S:
-            self._end(f"most neighbours have not received this node for {self._mute_s:.0f} s")
-        # A stranger whose name never could be read is no damage, and a new start would not help.
+        silent_to = {
+            name for name, one in self._neighbours.items()
+            if one in recent and one.received is not None and self._own not in one.received
+        }  # fmt: skip
+        self._mute_s = {name: self._mute_s.get(name, 0.0) + passed_s for name in silent_to}
+        mute = sorted(name for name, long_s in self._mute_s.items() if long_s > PROVED_S)
+        if len(others) >= FEWEST and (
+            2 * len(mute) > len(others) or not all(self._passes(self._own, name) for name in mute)
+        ):
+            self._end(f"{', '.join(mute)} has not received this node for {PROVED_S:.0f} s")
+        # A stranger may have a name that never could be read: a new start would not help.
         damaged = TOPIC in self._node.damaged_topics
         self._readable |= not damaged
         self._unreadable_s = self._unreadable_s + passed_s if damaged and self._readable else 0.0
         if self._unreadable_s > INPUT_SILENCE_S:
-            self._end(f"the names of the senders of {TOPIC} have been damaged for {self._unreadable_s:.0f} s")
+            long_s = self._unreadable_s
+            self._end(f"the names of the senders of {TOPIC} have been damaged for {long_s:.0f} s")
+
+    def _passes(self, sender: str, taker: str) -> bool:
+        """Return whether one of two nodes takes another topic of the other than those of all."""
+        node, topics = self._node, list[set[str]]()
+        for full, look in (
+            (sender, node.get_publisher_names_and_types_by_node),
+            (taker, node.get_subscriber_names_and_types_by_node),
+        ):
+            space, _, name = full.rpartition("/")
+            # A node may have gone meanwhile, and names may be damaged.
+            with suppress(RuntimeError, UnicodeDecodeError):
+                topics.append({topic for topic, _ in look(name, space or "/")} - OF_ALL)
+        return len(topics) == 2 and not topics[0].isdisjoint(topics[1])
 
     def _end(self, why: str) -> None:
         """Have the node start again; the first reason is kept."""

@@ -12,7 +12,6 @@ import math
 import os
 import re
 import signal
-import stat
 import sys
 import tempfile
 import time
@@ -30,6 +29,7 @@ from rclpy.impl import rcutils_logger
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
+from rf_pointing.core.whole_file import open_private
 from rf_pointing.ros import NODE_USAGE
 from rf_pointing.ros.diagnostics import OK, WARN, Health
 from rf_pointing.station.log_lines import ROS_FORMAT, json_lines, quoted, say
@@ -41,10 +41,11 @@ NICER = -10
 HUNG_S = 120.0
 """Longest time for one thing of a node; to read 32 MiB of elements takes 15 s."""
 WRITTEN_S = 15.0
-STARTED_S, ENDED_S = 30.0, 20.0
+START_OR_END_S = 60.0
 """Longest making of the nodes of a process, and its longest end with the stop of what it moves."""
 DEAF = 3
 """Exit code of a node that no longer receives."""
+leave = os._exit
 LONGEST_WAIT_S = 0.2
 """Longest wait for an event: a signal is noticed between two of them."""
 IDLE_S = 0.02
@@ -111,7 +112,7 @@ def run(
         # A participant of DDS that took damaged datagrams may never be destroyed.
         sys.stdout.flush()
         sys.stderr.flush()
-        os._exit(code)
+        leave(code)
     executor.shutdown()
     rclpy.try_shutdown()
     if code:
@@ -292,7 +293,7 @@ class HangWatch:
 
     def begin(self) -> None:
         """Give the start of nodes its time: damaged datagrams can hang one that is being made."""
-        self._arm(min(STARTED_S, self._patience_s))
+        self._arm(min(START_OR_END_S, self._patience_s))
 
     def come_round(self) -> None:
         """Note that the loop works; each second is often enough."""
@@ -315,7 +316,7 @@ class HangWatch:
 
     def begin_end(self) -> None:
         """Give the end of nodes and process its time; Python itself ends the watch."""
-        self._patience_s = min(ENDED_S, self._patience_s)
+        self._patience_s = min(START_OR_END_S, self._patience_s)
         self._arm(self._patience_s)
 
 
@@ -413,19 +414,6 @@ def private_folder(folder: Path) -> None:
         os.fchmod(opened, 0o700)
     finally:
         os.close(opened)
-
-
-def open_private(path: Path, flags: int) -> int:
-    """Open or make a file of this user; RuntimeError for a link, or a file of another user."""
-    try:
-        opened = os.open(path, flags | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC | os.O_NONBLOCK, 0o600)
-    except OSError as error:
-        raise RuntimeError(f"{path} cannot be used: {error.strerror}") from error
-    found = os.fstat(opened)
-    if not stat.S_ISREG(found.st_mode) or found.st_uid != os.getuid() or found.st_nlink != 1:
-        os.close(opened)
-        raise RuntimeError(f"{path} must be a file of user {os.getuid()} without another name")
-    return opened
 
 
 def ros_domain() -> str:

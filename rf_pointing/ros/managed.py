@@ -139,16 +139,18 @@ class ManagedNode(Lifecycle):
         self.inputs.note_error(where, error)
         self.log_once(where, f"{type(error).__name__}: {error}; please report it", error=True)
 
-    def get_publishers_info_by_topic(self, topic_name: str, no_mangle: bool = False) -> list[Any]:
+    def get_publishers_info_by_topic(self, topic: str, no_mangle: bool = False) -> list[Any]:
         """Return the publishers of a topic; while a name is damaged, those of the last look."""
-        return self._last_sound("publishers", super().get_publishers_info_by_topic, topic_name, no_mangle)
+        return self._last_sound("to", super().get_publishers_info_by_topic, topic, no_mangle)
 
-    def get_subscriptions_info_by_topic(self, topic_name: str, no_mangle: bool = False) -> list[Any]:
+    def get_subscriptions_info_by_topic(self, topic: str, no_mangle: bool = False) -> list[Any]:
         """Return the subscriptions of a topic; while a name is damaged, those of the last look."""
-        return self._last_sound("subscriptions", super().get_subscriptions_info_by_topic, topic_name, no_mangle)
+        return self._last_sound("of", super().get_subscriptions_info_by_topic, topic, no_mangle)
 
-    def _last_sound(self, ends: str, look: Callable[[str, bool], list[Any]], topic: str, no_mangle: bool) -> list[Any]:
-        # One damaged discovery packet leaves a name that is no UTF-8 in the graph for good.
+    def _last_sound(
+        self, ends: str, look: Callable[[str, bool], list[Any]], topic: str, no_mangle: bool
+    ) -> list[Any]:  # fmt: skip
+        # One damaged discovery packet leaves a name in the graph for good that cannot be decoded.
         try:
             self._endpoints[topic, no_mangle, ends] = look(topic, no_mangle)
             self.damaged_topics.discard(topic)

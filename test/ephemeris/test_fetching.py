@@ -221,11 +221,11 @@ def test_a_failed_request_counts_where_the_server_had_it(
 ) -> None:
     limits: list[float] = []
 
-    def fail(_address: str, *, timeout: float, **_options: Any) -> None:
+    def fail(_method: str, _address: str, *, timeout: float, **_options: Any) -> None:
         limits.append(timeout)
         raise error
 
-    monkeypatch.setattr(requests, "get", fail)
+    monkeypatch.setattr(requests, "request", fail)
     found = refresh("http://example.org/x", tmp_path / "a" / "b", NOW_S, every_s=0.0)
     assert found.state == "none"
     assert complaint in found.problem

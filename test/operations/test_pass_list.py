@@ -2,11 +2,19 @@
 
 import json
 import math
+import re
 
 import pytest
 
 from rf_pointing.operations import pass_list
-from rf_pointing.operations.pass_list import read_passes, row_of, to_calendar, to_csv, to_json
+from rf_pointing.operations.pass_list import (
+    read_passes,
+    row_of,
+    to_calendar,
+    to_csv,
+    to_json,
+    to_simple_schedule,
+)
 from rf_pointing.operations.schedule import ScheduledPass
 
 AOS_S, LOS_S = 1_767_229_200.25, 1_767_229_900.75
@@ -205,3 +213,49 @@ def test_the_calendars_of_a_file_are_read_in_its_order_with_or_without_a_mark() 
     other = calendar_of("DTSTART:20260101T020000Z", "DURATION:PT10M")
     found = read_passes("\ufeff" + calendar_of("DTSTART:20260101T010000Z", "DURATION:PT10M") + other)
     assert [one.aos_t_s for one in found] == [1_767_229_200.0, 1_767_232_800.0]
+
+
+ACTIVITY = """<s:simpleSchedule xmlns:s="urn:ccsds:schema:cssm:1.0.0"><s:simpleScheduleHeader/>
+<s:scheduledPackage user="NOAA 19" scheduledPackageId="p" comment="of a partner">
+<s:scheduledActivity scheduledActivityId="a 1" activityStatus="CANCELLED"/>
+<s:scheduledActivity scheduledActivityId="a/2" activityStatus="COMMITTED" beginningOfTrack="{}" endOfTrack="{}">
+<s:serviceInfo serviceType="TELEMETRY" frequencyBand="S_BAND"/></s:scheduledActivity></s:scheduledPackage>
+</s:simpleSchedule>"""
+
+
+def test_a_simple_schedule_of_others_has_its_times_by_day_of_year_or_date() -> None:
+    for times in (
+        ("2024-060T23:59:30.000Z", "2024-061T00:05:00.5Z"),
+        ("2024-02-29T23:59:30Z", "2024-03-01T00:05:00.500Z"),
+    ):
+        (one,) = read_passes(ACTIVITY.format(*times))
+        assert (one.id, one.target, one.name) == ("a_2", "NOAA 19", "of a partner")
+        assert (one.aos_t_s, one.duration_s) == (1_709_251_170.0, 330.5)
+
+
+def test_a_simple_schedule_of_ours_comes_back_a_package_for_each_target() -> None:
+    passes = [
+        ScheduledPass(id=f"{number}", target=target, name=f"<{target}>", aos_t_s=AOS_S + number, los_t_s=LOS_S + number)
+        for number, target in enumerate(("25544", "A & B", "25544"))
+    ]
+    text = to_simple_schedule(passes, "Station", AOS_S)
+    back = sorted(read_passes(text), key=lambda each: each.id)
+    assert list(map(row_of, back)) == list(map(row_of, passes))
+    assert text.count("<scheduledPackage ") == 2
+    assert read_passes(to_simple_schedule([], "Station", AOS_S)) == []
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("<simpleSchedule>", "line 1: schedule XML is malformed"),
+        ("<html></html>", "<html> is not a schedule, must be <simpleSchedule>"),
+        ('<!DOCTYPE x [<!ENTITY a "b">]><simpleSchedule/>', "line 1: schedule XML must not define entities"),
+        ("<a>" * 60 + "</a>" * 60, "nested more than 50 deep"),
+        (ACTIVITY.replace("endOfTrack", "end").format("x", "y"), "scheduledActivity a/2: endOfTrack is missing"),
+        (ACTIVITY.format("2024-366T00:00:00Z", "soon"), "row 1: start='soon' must be an ISO time"),
+    ],
+)
+def test_what_is_no_simple_schedule_is_refused(text: str, words: str) -> None:
+    with pytest.raises(ValueError, match=re.escape(words)):
+        read_passes(text)

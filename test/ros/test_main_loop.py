@@ -320,7 +320,7 @@ def test_a_write_that_hangs_ends_the_process_sooner() -> None:
 )
 def test_a_start_or_an_end_that_hangs_ends_the_process_and_one_in_time_has_its_own_code(phase: str) -> None:
     code = (
-        "import sys, time\nfrom rf_pointing.ros import main_loop\nmain_loop.STARTED_S = main_loop.ENDED_S = 1.0\n"
+        "import sys, time\nfrom rf_pointing.ros import main_loop\nmain_loop.START_OR_END_S = 1.0\n"
         f"watch = main_loop.HangWatch()\n{phase}\ntime.sleep(float(sys.argv[1]))\nsys.exit(3)\n"
     )
     for seconds, status in (("0", 3), ("60", 1)):
@@ -445,7 +445,7 @@ def test_the_exit_code_of_a_process_says_how_it_ended(
     monkeypatch.setenv("ROS_DOMAIN_ID", str(ros_domain))
     monkeypatch.setattr(sys, "argv", ["node", "--ros-args", "-p", "lifecycle.autostart:=true"])
     # Where DDS no longer receives, the process is left without its end.
-    monkeypatch.setattr(os, "_exit", sys.exit)
+    monkeypatch.setattr(main_loop, "leave", sys.exit)
     kept = signal.getsignal(signal.SIGTERM)
     try:
         if code is None:

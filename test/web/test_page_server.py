@@ -12,7 +12,7 @@ import pytest
 from aiohttp import ClientSession
 from aiohttp.test_utils import TestClient, TestServer
 
-from rf_pointing.ros.secret_files import read_token
+from rf_pointing.core.secret_files import read_token
 from rf_pointing.station.clients.board import PageParams
 from rf_pointing.web import page_server
 from rf_pointing.web.metrics import CONTENT_TYPE, STALE_S, Family

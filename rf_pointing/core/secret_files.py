@@ -6,7 +6,7 @@ import stat
 from collections.abc import Callable
 from pathlib import Path
 
-from rf_pointing.ros.main_loop import open_private
+from rf_pointing.core.whole_file import open_private
 
 SHORTEST_TOKEN = 16
 
