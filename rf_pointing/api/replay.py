@@ -36,6 +36,7 @@ from rf_pointing.report.replay_report import (
 from rf_pointing.simulation.open_loop import commanded, followed, sensed_errors, time_of
 from rf_pointing.station.antenna.simulated_antenna import SimulatedAntenna
 from rf_pointing.station.description import StationDescription
+from rf_pointing.tracking.power_tracker import scan_estimator
 
 WINDS = ("auto", "seed", "measured", "estimated", "none")
 SAME_BEAMWIDTHS = 1e-3
@@ -159,7 +160,8 @@ def replay(
     station : description in place of that beside the bag, or of the shipped one of its name.
     params : changed parameters: a ROS parameter file, or by node and dotted name, in degrees.
     model : changed bias model, or its file.
-    law, estimator, sensor : changed position law (pi, lqg), conscan estimator, sensor of the pass.
+    law, estimator, sensor : changed position law (pi, lqg), estimator of the scan (linear,
+        likelihood), sensor of the pass.
     wind : seed (the gusts of a simulated recording), measured (weather/wind), estimated (from the
         rate commands), none; auto takes the first of them that the recording has.
     namespace : which antenna, where the bag holds several.
@@ -226,8 +228,8 @@ def _changes(
     over = {node: dict(values) for node, values in given.items()}
     if law is not None:
         over.setdefault("antenna_servo", {})["loops.law"] = law
-    if estimator is not None:
-        over.setdefault("conscan_tracker", {})["conscan.estimator"] = estimator
+    for node, chosen in scan_estimator(estimator).items() if estimator is not None else ():
+        over.setdefault(node, {}).update(chosen)
     if "**" in over:
         raise ValueError("params: ** names every node; name the node of each parameter")
     rows = [(node, *row) for node, values in over.items() for row in values.items()]
@@ -274,7 +276,8 @@ def _check(case: RecordedCase, loop: str, topic: str, given: Sequence[Any]) -> T
     apart = [float(np.max(np.abs(ours[key] - recorded[key]))) for key in both]
     away = np.array(apart or [math.inf]) / MDEG
     rms, largest, reason = float(np.sqrt(np.mean(away**2))), float(np.max(away)), ""
-    digests, near = (_digest(recorded), _digest(ours)), rms * MDEG <= SAME_BEAMWIDTHS * case.beamwidth_rad
+    digests = _digest(recorded), _digest(ours)
+    near = rms * MDEG <= SAME_BEAMWIDTHS * case.beamwidth_rad
     same = near and len(both) >= (1.0 - MOST_LOST) * len(recorded)
     if digests[0] != digests[1]:
         reason = f"rms {rms:.2g}, at most {largest:.2g} mdeg apart: "

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from rf_pointing.api.replay import WINDS, WORSE, bags_of, replay
-from rf_pointing.commands.options import add_options, ending_with_reason, named, refusing, say
+from rf_pointing.commands.options import ending_with_reason, named, refusing, say
 
 PROGRAM = "replay"
 OWN = ("station", "params", "model", "law", "estimator", "sensor", "wind", "namespace")
@@ -41,7 +41,7 @@ def arguments() -> argparse.ArgumentParser:
     add("--params", type=Path, metavar="FILE", help="changed parameters, a ROS parameter file")
     add("--model", type=Path, metavar="FILE", help="changed bias model")
     add("--law", choices=("pi", "lqg"), help="changed position law")
-    add("--estimator", choices=("linear", "likelihood"), help="changed estimator of conscan")
+    add("--estimator", choices=("linear", "likelihood"), help="changed estimator of the scan")
     add("--sensor", help="changed sensor of the pass")
     add("--station", metavar="FILE|NAME", help="description (default: station.yaml beside the bag)")
     add("--wind", type=named(WINDS), default="auto", help=f"{', '.join(WINDS)} (default: auto)")
@@ -50,12 +50,14 @@ def arguments() -> argparse.ArgumentParser:
         "--allow", type=refusing(_allowed), action="append", default=[], metavar="METRIC=AMOUNT",
         help=f"by how much a metric may get worse, may be repeated (default: {usual})",
     )  # fmt: skip
-    add_options(parser, "output", output={"default": Path("runs/replay"), "help": "folder of tables "
-                                          "and pictures (default: runs/replay)"})  # fmt: skip
+    place = Path("runs/replay")
+    add("--output", type=Path, metavar="DIR", default=place, help=f"of results (default: {place})")
     return parser
 
 
-def replayed(bag: Path, given: Mapping[str, Any], allowed: Mapping[str, float], folder: Path) -> int:
+def replayed(
+    bag: Path, given: Mapping[str, Any], allowed: Mapping[str, float], folder: Path
+) -> int:  # fmt: skip
     """Replay one bag, print and keep it; return 0, or 1 where it does not pass, 2 if refused."""
     try:
         found = replay(bag, **given)
@@ -67,7 +69,8 @@ def replayed(bag: Path, given: Mapping[str, Any], allowed: Mapping[str, float], 
         say(PROGRAM, ", ".join(map(str, found.write(folder))))
     except OSError as error:
         say(PROGRAM, f"not written: {error}", "ERROR")
-    said = [f"{each.loop} loop, {each.topic}: {each.reason}" for each in found.checks if not each.same]
+    other = [each for each in found.checks if not each.same]
+    said = [f"{each.loop} loop, {each.topic}: {each.reason}" for each in other]
     said += found.worse(allowed)
     for text in said:
         say(PROGRAM, f"{bag}: {text}", "ERROR")

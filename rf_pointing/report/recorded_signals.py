@@ -58,6 +58,7 @@ def _maker(kind: type, **own: Any) -> Callable[[Any], Any]:
 
 
 def _joints(message: Any) -> JointReading:
+    # In the order of our axes, whatever the order of the publisher.
     position, velocity = TOPICS["joint_states"].row(message)
     return JointReading(
         t_s=_t_s(message.header.stamp),
@@ -87,6 +88,7 @@ def _cluster(message: Any) -> MonopulseCluster:
         name: getattr(message, f"{name}_i") + 1j * getattr(message, f"{name}_q")
         for name in CHANNELS
     }  # fmt: skip
+    # The stamp is that of the last sample.
     ages = np.arange(len(message.sum_i) - 1, -1, -1)
     t_s = _t_s(message.header.stamp) - message.sample_period * ages
     return MonopulseCluster(t_s=t_s, carrier_to_noise_db_hz=message.carrier_to_noise, **parts)
@@ -189,8 +191,10 @@ def read_pass(path: Path | str, namespace: str | None = None) -> RecordedPass:
             order = np.argsort(data.t_s, kind="stable")
             signals.topics[name] = [data["signal"][index][0] for index in order]
     windows = [each for row in recording.topics["passes"]["signal"] for each in row[0]]
+    # Announced again in every list, with the same times to a microsecond.
     window = min(windows, key=lambda each: abs(each.aos_t_s - found.aos_ns * 1e-9))
     model, wind, used = (recording.get(name) for name in ("pointing_model", WIND, "station_in_use"))
+    # The newest: what the pass ended with is what its elements and limits were judged by.
     chosen = [str(each.sensor) for each in signals.of("tracking_status") if each.target]
     return RecordedPass(
         recording=recording,

@@ -27,7 +27,14 @@ from rf_pointing.report.bag_source import READ_ERRORS, BagSource, open_bag
 from rf_pointing.report.bag_writer import LOST_NOTE, PROBLEM_NOTE, TopicLoss
 from rf_pointing.report.mcap_tail import publish_times
 from rf_pointing.report.summary import Complaint
-from rf_pointing.report.topics import TOPICS, TopicData, TopicLayout, as_column, head_reader, types_of
+from rf_pointing.report.topics import (
+    TOPICS,
+    TopicData,
+    TopicLayout,
+    as_column,
+    head_reader,
+    types_of,
+)
 
 _DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
 _DECODE_ERRORS = (SerdeError, AttributeError, *READ_ERRORS)
@@ -96,7 +103,9 @@ class _Rows:
 class _Collector:
     """Reads all messages of `source` once; `namespace` chooses the antenna."""
 
-    def __init__(self, source: BagSource, namespace: str, layouts: Mapping[str, TopicLayout]) -> None:
+    def __init__(
+        self, source: BagSource, namespace: str, layouts: Mapping[str, TopicLayout]
+    ) -> None:  # fmt: skip
         self._layouts = layouts
         self.problems = list(source.problems)
         self.warnings: dict[tuple[str, str], tuple[str, int]] = {}
@@ -113,7 +122,8 @@ class _Collector:
     def topics(self) -> dict[str, TopicData]:
         """Return the topics of the antenna by relative name, in the order of their layouts."""
         rows, times = self._rows, self._published
-        return {name: rows[name].data(times[rows[name].topic]) for name in self._layouts if name in rows}
+        found = [name for name in self._layouts if name in rows]
+        return {name: rows[name].data(times[rows[name].topic]) for name in found}
 
     def all_problems(self) -> tuple[str, ...]:
         """Return what is wrong with the recording, each problem once, in words for the user."""
@@ -183,7 +193,8 @@ class _Collector:
 
     def _taker(self, connection: Connection) -> Take:
         name = connection.topic.removeprefix(f"{self._namespace}/")
-        layout = self._layouts.get(name) if connection.topic == f"{self._namespace}/{name}" else None
+        mine = connection.topic == f"{self._namespace}/{name}"
+        layout = self._layouts.get(name) if mine else None
         if layout is None:
             diagnostics = connection.topic == "/diagnostics" and connection.msgtype == _DIAGNOSTICS
             return self._take_diagnostics if diagnostics else self._counter(connection.topic)
@@ -192,7 +203,8 @@ class _Collector:
         elif connection.msgtype not in self._typestore.fielddefs:
             self.problems.append(f"{name} cannot be decoded: the bag does not define {connection.msgtype}")
         else:
-            return self._rows.setdefault(name, _Rows(layout, connection.topic, self._typestore)).take
+            rows = _Rows(layout, connection.topic, self._typestore)
+            return self._rows.setdefault(name, rows).take
         return self._counter(connection.topic)
 
     def _counter(self, topic: str) -> Take:

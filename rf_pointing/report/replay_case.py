@@ -15,6 +15,7 @@ from rf_pointing.core.types import Array
 from rf_pointing.drives import takes_positions
 from rf_pointing.ephemeris import TopocentricTrack
 from rf_pointing.report.recorded_signals import RecordedPass
+from rf_pointing.report.replay_report import SENSED, Flown
 from rf_pointing.servo import RecordedWind, WindParams
 from rf_pointing.simulation import StationSetup, simulate_pass
 from rf_pointing.simulation.open_loop import RecordedTrack, Signals
@@ -26,7 +27,7 @@ from rf_pointing.station.description import StationDescription, read_station, sh
 from rf_pointing.station.description.description import OF_EVERY_NODE
 
 NOT_OF_THE_PASS = (*OF_EVERY_NODE, "command_key_file", "certificate_folder")
-SAME_TARGET_RAD = 1e-9
+SAME_TARGET_RAD, SLOW_S = 1e-9, 10.0
 Changes = Mapping[str, Mapping[str, object]]
 
 
@@ -57,10 +58,9 @@ class RecordedCase:
         self._remark_damage()
         self.seconds = self.window.los_t_s - self.start_s
         self.track = self._track()
+        # A simulated satellite is where its own source says, with the offsets of the run.
         if isinstance(self.track, RecordedTrack) and not self.simulated:
-            rows = self.signals.of("tracking_status")
-            offsets = np.array([each.offset_rad for each in rows])
-            self._truth = self.track.shifted(np.array([each.t_s for each in rows]), offsets)
+            self._truth = self.track.shifted(*self._off_prediction())
         self.servo = AntennaParams(**self.setup().sets("antenna_servo"))
         self.plant = None if takes_positions(self.servo.drive.type) else self.servo.plant
 
@@ -91,9 +91,11 @@ class RecordedCase:
         for each in map(read_station, shipped_stations()):
             if each.name == name:
                 return each
-        raise ValueError(f"{self.path}: no station.yaml is beside it, and {name!r} is not shipped: give station")
+        why = f"no station.yaml is beside it, and {name!r} is not shipped"
+        raise ValueError(f"{self.path}: {why}: give station")
 
     def _beside(self, name: str) -> Path | None:
+        # A bag is a folder or one of its files; `track` puts it into the folder of its run.
         folder = self.path if self.path.is_dir() else self.path.parent
         places = (folder / name, folder.parent / name)
         return next((place for place in places if place.is_file()), None)
@@ -127,6 +129,7 @@ class RecordedCase:
         merged = {node: dict(self._given.get(node, {})) for node in nodes}
         for node, values in (over or {}).items():
             merged[node] |= values
+        # That of the recording: the one in the station's folder may be newer.
         chosen = model or self.recorded.model
         return StationSetup(
             self.description, self.band, changes=merged, model=chosen, wind=self._wind,
@@ -158,9 +161,27 @@ class RecordedCase:
             self.remarks.append(f"the target is the recorded one: {off}")
         return RecordedTrack(targets, track)
 
+    def _off_prediction(self) -> tuple[Array, Array]:
+        """Return times (n,) and how far (n, 2) the satellite was off its prediction on the sky.
+
+        That is the offset of tracking and what the sensor still saw beyond it, over 10 s: what is
+        faster is wind and noise.
+        """
+        rows = self.signals.of("tracking_status")
+        t_s = np.array([each.t_s for each in rows])
+        offset = np.array([each.offset_rad for each in rows])
+        seen = Flown.of(self.signals, SENSED, None)
+        if not len(seen.t_s):
+            return t_s, offset
+        known = np.column_stack([np.interp(seen.t_s, t_s, column) for column in offset.T])
+        sums = np.vstack([np.zeros(2), np.cumsum(known + seen.error_rad, axis=0)])
+        first, last = (np.searchsorted(seen.t_s, seen.t_s + side * SLOW_S) for side in (-0.5, 0.5))
+        return seen.t_s, (sums[last] - sums[first]) / (last - first)[:, None]
+
     def choose_wind(self, wanted: str) -> None:
         """Let the wind of the recording blow; ValueError for one that it does not have."""
         if wanted == "auto":
+            # What was measured comes before what is concluded.
             known = "measured" if self.recorded.wind is not None else "estimated"
             try:
                 self.choose_wind("seed" if self.simulated and self._given else known)

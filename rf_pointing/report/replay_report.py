@@ -1,4 +1,4 @@
-"""What a replay changes: metrics of passes over the same time, their uncertainty, and a picture.
+"""Metrics of passes over the same time, what a replay changes of them, and a picture.
 
 Each metric is made of sums over blocks of the pass, so that the uncertainty of a difference is that
 of drawing the blocks anew, those of both passes together (bootstrap).  Blocks are longer than what
@@ -89,6 +89,7 @@ def _wear(signals: Signals, plant: PlantParams | None) -> dict[str, tuple[Array,
         for index, axis in enumerate((plant.azimuth, plant.elevation)):
             # The motors push by J w_d (u - v); steady motion takes the friction of them.
             push = axis.inertia_kg_m2 * axis.drive_bandwidth_rad_s * gaps[:, index]
+            # Below it the push is noise about zero, each crossing of which wears nothing.
             pushing = np.abs(push) > HYSTERESIS * axis.coulomb_friction_n_m
             at, sign = stamps[pushing], np.sign(push[pushing])
             times.append(at[1:][sign[1:] != sign[:-1]])
@@ -125,12 +126,18 @@ class MetricChange:
 
 
 def settled_s(flown: Flown, start_s: float) -> float:
-    """Return from when on a target is held for a second, `start_s` where it never is."""
+    """Return from when on ten errors in a row are below a tenth of a beamwidth, else half of one.
+
+    `start_s` where neither is ever reached.
+    """
     radial, count = np.hypot(*flown.error_rad.T), 10
-    near = (flown.t_s >= start_s) & is_held(radial, flown.beamwidth_rad)
-    runs = np.convolve(near, np.ones(count), mode="valid") if len(near) >= count else np.zeros(0)
-    first = np.flatnonzero(runs == count)
-    return float(flown.t_s[first[0]]) if len(first) else start_s
+    for limit in (0.1, 0.5):
+        near = (flown.t_s >= start_s) & (radial <= limit * flown.beamwidth_rad)
+        runs = np.convolve(near, np.ones(count), mode="full")[count - 1 :]
+        first = np.flatnonzero(runs == count)
+        if len(first):
+            return float(flown.t_s[first[0]])
+    return start_s
 
 
 def changes(
@@ -139,11 +146,12 @@ def changes(
     """Return every metric that is known, over the time from begin to end of the pass.
 
     `flights` are what was recorded, simulated as recorded, and simulated with changes.  Errors
-    count from when on all three hold the target, seconds and loss over the whole pass.
+    count from when on all three have settled, seconds and loss over the whole pass.
     Where the simulation misses what was recorded by a share, it may miss a difference by that too.
     """
     begin_s = max(settled_s(each, span_s[0]) for each in flights)
     count = max(FEWEST_BLOCKS, round((span_s[1] - span_s[0]) / BLOCK_S))
+    # The same blocks for all: what wind and geometry do to both cancels in the difference.
     edges = np.linspace(*span_s, count + 1)
     tables = [_blocks(each, edges, begin_s) for each in flights]
     drawn = random_stream(1, "replay").integers(0, count, (DRAWS, count))
@@ -153,6 +161,7 @@ def changes(
         first, second = (_metric(name, table, drawn) for table in tables[-2:])
         sigma = float(np.std(second - first))
         known = values[0] if len(flights[0].t_s) and not np.isnan(values[0]) else None
+        # Relative: a simulation that is quiet by half is wrong about a difference by half, too.
         if known is not None:
             missed = abs(known - values[-2]) / max(abs(known), abs(values[-2]), 1e-12)
             sigma = float(np.hypot(sigma, missed * (values[-1] - values[-2])))
@@ -202,6 +211,7 @@ def _metric(name: str, table: dict[str, Array], rows: Any) -> Array:
         return pointing_loss_db(part["power"] / part["span"])
     if name in _EVENTS:
         return part[name]
+    # Samples at both ends of a block stand for a step more than the span has.
     held: Array = np.minimum(part["held"], part["span"])
     return held if name == "held" else part["span"] - held
 

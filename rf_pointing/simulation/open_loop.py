@@ -80,8 +80,10 @@ class RecordedTrack(TopocentricTrack):
     """
 
     def __init__(self, targets: list[Target], place: TopocentricTrack) -> None:
-        # Not the base's own: nothing of the target but these messages is known.
+        # Without the base's own: nothing of the target but these messages is known, and neither
+        # its motion in space nor its offsets can be asked for.
         self.name, self.site, self.refraction = targets[0].name, place.site, place.refraction
+        # A publisher that was started again has sent some instants twice.
         rows = {round(each.t_s, 6): each for each in targets}
         known = [rows[t_s] for t_s in sorted(rows)]
         columns: dict[str, Any] = {
@@ -92,12 +94,14 @@ class RecordedTrack(TopocentricTrack):
                 "satellite_gain_db",
             )
         }
+        # A target that crosses north jumps by a turn, which no polynomial may follow.
         columns["azimuth_rad"] = np.unwrap(columns["azimuth_rad"])
         self._further = columns.pop("refraction_rad"), columns.pop("satellite_gain_db")
         self._reference, self._shift = ReferenceTrack(**columns), (np.zeros(1), np.zeros((1, 2)))
 
     def shifted(self, t_s: Array, offset_rad: Array) -> "RecordedTrack":
         """Return the track moved on the sky by (n, 2), cross-elevation and elevation, at (n,)."""
+        # A copy: the controller goes on predicting by the track as it was sent.
         moved = RecordedTrack.__new__(RecordedTrack)
         moved.__dict__ |= self.__dict__ | {"_shift": (t_s, offset_rad)}
         return moved
@@ -107,13 +111,15 @@ class RecordedTrack(TopocentricTrack):
         times = np.asarray(t_s, dtype=np.float64)
         known = self._reference.t_s
         # With both ends, since a track has two points at least; each time once, rising.
-        among, rows = np.unique(np.clip([*known[[0, -1]], *times], known[0], known[-1]), return_inverse=True)
+        inside = np.clip([*known[[0, -1]], *times], known[0], known[-1])
+        among, rows = np.unique(inside, return_inverse=True)
         at = self._reference.at(among)
         refraction, gain = (np.interp(times, known, column) for column in self._further)
         right, up = (np.interp(times, self._shift[0], column) for column in self._shift[1].T)
         fields = ReferenceTrack.__dataclass_fields__
         look = {name: getattr(at, name)[rows[2:]] for name in fields}
         look["t_s"] = times
+        # Rates stay those of the prediction: what tracking adds changes slowly.
         look["azimuth_rad"] = look["azimuth_rad"] + right / np.cos(look["elevation_rad"])
         look["elevation_rad"] = look["elevation_rad"] + up
         return LookAngles(
@@ -165,6 +171,7 @@ def commanded(
         raise ValueError("tracking_status tells of no pass: the controller has nothing to do")
     topics = ("joint_states", "target", "pointing_error")
     joints, targets, errors = (_Stream(signals.of(topic)) for topic in topics)
+    # A recording may begin within the pass: the certificate needs the axes all the same.
     readings = joints.until(busy[0]) or signals.of("joint_states")[:1]
     before: JointReading = readings[0]
     controller.take_joints(before)
@@ -205,6 +212,7 @@ class FollowedAntenna:
     def __init__(self, antenna: SimulatedAntenna, signals: Signals) -> None:
         self.antenna, self.statuses = antenna, list[Any]()
         self.times = [each.t_s for each in signals.of("joint_states")]
+        # By their times: a trajectory is taken in the tick in which it was sent.
         self._given = {round(t_s, 6): each for t_s, each in signals.of("joint_trajectory")}
         self._asked = {round(each.t_s, 6) for each in signals.of("antenna_status")}
         antenna.enable()

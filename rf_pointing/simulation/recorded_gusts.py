@@ -89,12 +89,14 @@ def estimated_gusts(setup: StationSetup, signals: Signals) -> GustEstimate:
         raise ValueError(f"the wind cannot be estimated without {missing}")
     if not isinstance(antenna, SimulatedAntenna) or params.loops.law == BY_DRIVE:
         raise ValueError("the wind cannot be estimated: the drive closes the position loop itself")
+    # With the seed of the recording: then the noise of the encoders cancels where it is simulated.
     antenna.hardware.blow(calm(params.wind))
     recorded, still = _rates(signals.of("antenna_status")), _rates(followed(antenna, signals)[1])
     t_s = np.array(sorted(recorded.keys() & still.keys()))
     step_s = float(np.median(np.diff(t_s))) if len(t_s) > 2 else np.inf
     if not step_s <= LONGEST_STEP_S:
         raise ValueError(f"the wind cannot be estimated: antenna_status comes every {step_s:.2g} s")
+    # A status that was lost costs a sample of the grid, not the estimate.
     grid = t_s[0] + step_s * np.arange(round((t_s[-1] - t_s[0]) / step_s) + 1)
     answer = np.array([recorded[t] - still[t] for t in t_s])
     rows = enumerate(np.interp(grid, t_s, column) for column in answer.T)
@@ -116,6 +118,7 @@ def _axis(
     law = _law(params, axis)
     # Twice as long: what a filter knows of the end is not what came before the begin.
     frequency: Array = np.fft.rfftfreq(2 * count, step_s).astype(np.float64)
+    # The integrators of plant and law are infinite at rest; their ratio is not.
     frequency[0] = 0.01 * frequency[1]
 
     def responses(at_hz: Array) -> tuple[ComplexArray, ComplexArray]:
@@ -136,7 +139,9 @@ def _axis(
         np.abs(spectrum) ** 2 / span_s,
         davenport_psd(frequency, USUAL_WIND_M_S, USUAL_DRAG),
     )
+    # The mean torque changes with the attitude, which no gust does: leave it almost free.
     shape[0] = 10.0 * shape[1]
+    # By sums, not bin by bin: single bins of one record scatter by as much as they hold.
     size = np.sum(np.maximum(power - noise, 0.0)) / np.sum(np.abs(through) ** 2 * shape)
     prior = size * shape
     both = np.abs(through) ** 2 * prior + noise

@@ -1,6 +1,7 @@
 """A replayed pass is the recorded one; other parameters give what a direct simulation with them gives."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -22,18 +23,18 @@ from rf_pointing.simulation.recorded_gusts import estimated_gusts
 from test.api.headless_bag import HeadlessBag
 
 WIND_M_S, SEED = 12.0, 3
-GAINS = {"proportional_gain": 3.0, "integral_gain": 1.0}
+GAINS = {"proportional_gain": 1.0, "integral_gain": 0.2}
 SOFT = {"antenna_servo": {f"loops.{axis}.{name}": gain for axis in AXES for name, gain in GAINS.items()}}
 """Gains with which gusts move the 34-m antenna more than with its own of 7.9 and 11.6."""
 
 
 @pytest.fixture(scope="module")
 def window() -> Pass:
-    """The top of a pass, two minutes that the antenna can follow."""
+    """The top of a pass, 75 s that the antenna can follow."""
     station = rp.Station("dss13")
     one = station.passes(rp.elements("28057"), days=2.0, mask_deg=41.0, min_peak_deg=44.0)[0].window
-    assert one.duration_s > 60.0
-    return one
+    assert one.duration_s > 75.0
+    return replace(one, los_t_s=one.aos_t_s + 75.0)
 
 
 def setup_with(window: Pass, law: str = "pi", seed: int = SEED, **more: float) -> StationSetup:
@@ -95,9 +96,9 @@ def test_other_gains_change_what_they_change_in_a_direct_simulation(
         found = rp.replay(bag, params=SOFT, wind=wind)
         for name, expected in zip(("rms cross-elevation", "rms elevation"), direct, strict=True):
             each = found.metric(name)
-            assert abs(each.difference - expected) < 3.0 * each.sigma + 0.3, str(found)
-            if abs(expected) > 1.0:
-                assert np.sign(each.difference) == np.sign(expected)
+            assert abs(each.difference - expected) < 3.0 * each.sigma, str(found)
+        assert found.metric("rms elevation").difference > 2.0 * found.metric("rms elevation").sigma
+        assert direct[1] > 0.5
 
 
 @pytest.mark.parametrize("law", ["pi", "lqg"])
@@ -147,7 +148,7 @@ def test_a_recorded_target_is_the_one_that_was_sent_and_is_held_beyond_it(flown:
     t_s = np.linspace(window.aos_t_s, window.los_t_s, 97)
     ours, true = recorded.sample(t_s), track.sample(t_s)
     for name in (each for each in LookAngles.__dataclass_fields__ if each.endswith(("_rad", "_rad_s", "_m"))):
-        assert getattr(ours, name) == pytest.approx(getattr(true, name), abs=1e-9, rel=1e-8), name
+        assert getattr(ours, name) == pytest.approx(getattr(true, name), abs=1e-8, rel=1e-8), name
     before = recorded.sample(np.array([window.aos_t_s - 1e3, window.aos_t_s - 500.0]))
     assert before.elevation_rad[0] == before.elevation_rad[1] == recorded.sample(t_s[:1] - 1e3).elevation_rad[0]
     moved = recorded.shifted(t_s, np.full((97, 2), 1e-3)).target_at(t_s[40])

@@ -57,7 +57,9 @@ MOVED = 1.25
 class LoopParams(Params):
     """Position laws of both axes, the watch over them, and the limits of every command."""
 
-    law: str = parameter(_PI, "position law of both axes; drive: that of the device", choices=(_PI, LQG, BY_DRIVE))
+    law: str = parameter(
+        _PI, "position law of both axes; drive: that of the device", choices=(_PI, LQG, BY_DRIVE)
+    )  # fmt: skip
     azimuth: PositionLoopParams = parameter(_AZIMUTH, "azimuth PI loop")
     elevation: PositionLoopParams = parameter(_ELEVATION, "elevation PI loop")
     lqg_file: str = parameter("", "file of the LQG designs, empty for those of DSS-13")
