@@ -36,7 +36,7 @@ from rf_pointing.report.replay_report import (
 from rf_pointing.simulation.open_loop import commanded, followed, sensed_errors, time_of
 from rf_pointing.station.antenna.simulated_antenna import SimulatedAntenna
 from rf_pointing.station.description import StationDescription
-from rf_pointing.tracking.power_tracker import scan_estimator
+from rf_pointing.tracking.power_tracker import NODE, TRACKED
 
 WINDS = ("auto", "seed", "measured", "estimated", "none")
 SAME_BEAMWIDTHS = 1e-3
@@ -156,8 +156,8 @@ def replay(
 
     Parameters
     ----------
-    bag : rosbag2 recording of one pass; `station.yaml` and `run.yaml` of `track` lie beside it.
-    station : description in place of that beside the bag, or of the shipped one of its name.
+    bag : rosbag2 recording of one pass; `station.yaml` and `run.yaml` of `track` lie next to it.
+    station : description in place of that next to the bag, or of the shipped one of its name.
     params : changed parameters: a ROS parameter file, or by node and dotted name, in degrees.
     model : changed bias model, or its file.
     law, estimator, sensor : changed position law (pi, lqg), estimator of the scan (linear,
@@ -228,8 +228,9 @@ def _changes(
     over = {node: dict(values) for node, values in given.items()}
     if law is not None:
         over.setdefault("antenna_servo", {})["loops.law"] = law
-    for node, chosen in scan_estimator(estimator).items() if estimator is not None else ():
-        over.setdefault(node, {}).update(chosen)
+    if estimator is not None:
+        # Only the first of both scans has more than one.
+        over.setdefault(NODE, {})[f"{TRACKED[0]}.estimator"] = estimator
     if "**" in over:
         raise ValueError("params: ** names every node; name the node of each parameter")
     rows = [(node, *row) for node, values in over.items() for row in values.items()]

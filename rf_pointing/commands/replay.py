@@ -43,7 +43,7 @@ def arguments() -> argparse.ArgumentParser:
     add("--law", choices=("pi", "lqg"), help="changed position law")
     add("--estimator", choices=("linear", "likelihood"), help="changed estimator of the scan")
     add("--sensor", help="changed sensor of the pass")
-    add("--station", metavar="FILE|NAME", help="description (default: station.yaml beside the bag)")
+    add("--station", metavar="FILE|NAME", help="description (default: station.yaml next to the bag)")
     add("--wind", type=named(WINDS), default="auto", help=f"{', '.join(WINDS)} (default: auto)")
     add("--namespace", help="which antenna; needed where the bag holds several")
     add(

@@ -38,7 +38,6 @@ if TYPE_CHECKING:
         MonopulseCluster,
         PointingError,
         Target,
-        wire_name,
     )
 
 __getattr__ = lazily(__name__, __file__)

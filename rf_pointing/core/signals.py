@@ -7,7 +7,6 @@ one turn.
 """
 
 import math
-import re
 from bisect import bisect_left
 from dataclasses import dataclass, field
 
@@ -17,23 +16,18 @@ from rf_pointing.core.checks import all_finite, as_finite_array, require_between
 from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
 from rf_pointing.core.types import Array, ComplexArray
 
-# The leftmost match counts: `aos_t_s` loses `_t_s`, not only `_s`.
-_UNIT = re.compile(r"_(rad_s2|rad_s|rad2|rad|m_s|m|t_s|s|w|db_hz|db)$")
 # Joint names, in the order of every two-axis array.
 AXES = ("azimuth", "elevation")
 BASE, AZIMUTH, ELEVATION, BEAM = FRAMES = ("base_link", "azimuth_link", "elevation_link", "beam")
 """Frames of an antenna, each the child of the one before; a namespace goes before them."""
+DESIGNATED = "designated"
+"""First word of the name of a target that reports lead to; the rest names it in them."""
 # Time that a `TimeBuffer` keeps.
 KEPT_S = 2.0
 LONGEST_GAP_S = 0.5
 """Gap of an antenna's periodic work that is not yet a stall or a jump of the clock."""
 # No mount turns so far from its encoders' zero: such a reading is not an angle.
 FARTHEST_RAD = 10.0 * 2.0 * math.pi
-
-
-def wire_name(name: str) -> str:
-    """Return the name of a message's field: that of the signal's without the unit."""
-    return _UNIT.sub("", name)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -75,10 +75,10 @@ class RecordedCase:
             self.remarks.append(f"the recording ends {lost_s:.0f} s before the pass")
             self.window = replace(self.window, los_t_s=end_s)
         for topic in ("target", "joint_states", "tracking_status"):
-            if holes := self.signals.holes(topic, begin_s, end_s):
-                at_s, longest_s = max(holes, key=lambda hole: hole[1])
+            if gaps := self.signals.gaps(topic, begin_s, end_s):
+                at_s, longest_s = max(gaps, key=lambda gap: gap[1])
                 self.remarks.append(
-                    f"{topic} has {len(holes)} holes, the longest {longest_s:.1f} s, "
+                    f"{topic} has {len(gaps)} gaps, the longest {longest_s:.1f} s, "
                     f"{at_s - begin_s:.0f} s after acquisition"
                 )
 
@@ -91,7 +91,7 @@ class RecordedCase:
         for each in map(read_station, shipped_stations()):
             if each.name == name:
                 return each
-        why = f"no station.yaml is beside it, and {name!r} is not shipped"
+        why = f"no station.yaml is next to it, and {name!r} is not shipped"
         raise ValueError(f"{self.path}: {why}: give station")
 
     def _beside(self, name: str) -> Path | None:
@@ -104,7 +104,7 @@ class RecordedCase:
         """Return the parameters of the recorded run by node."""
         beside = self._beside("run.yaml")
         if beside is None:
-            self.remarks.append("no run.yaml beside the bag: seeds and parameters are not known")
+            self.remarks.append("no run.yaml next to the bag: seeds and parameters are not known")
         given = read_parameter_files([beside]) if beside is not None else {}
         found: dict[str, dict[str, object]] = {
             node: {name: value for name, value in values.items() if name not in NOT_OF_THE_PASS}

@@ -60,7 +60,7 @@ class Signals:
         """Return which of these topics are not there, "" for none."""
         return ", ".join(topic for topic in topics if not self.of(topic))
 
-    def holes(self, topic: str, start_s: float, end_s: float) -> list[tuple[float, float]]:
+    def gaps(self, topic: str, start_s: float, end_s: float) -> list[tuple[float, float]]:
         """Return begin and length of each gap of a stream within a time."""
         times = [t_s for t_s in map(time_of, self.of(topic)) if start_s <= t_s <= end_s]
         return [(a, b - a) for a, b in pairwise(times) if b - a > LONGEST_GAP_S]
@@ -214,7 +214,7 @@ class FollowedAntenna:
         self.times = [each.t_s for each in signals.of("joint_states")]
         # By their times: a trajectory is taken in the tick in which it was sent.
         self._given = {round(t_s, 6): each for t_s, each in signals.of("joint_trajectory")}
-        self._asked = {round(each.t_s, 6) for each in signals.of("antenna_status")}
+        self._reported = {round(each.t_s, 6) for each in signals.of("antenna_status")}
         antenna.enable()
 
     def step(self, k: int) -> JointReading:
@@ -224,7 +224,7 @@ class FollowedAntenna:
         """
         t_s = self.times[k]
         reading = self.antenna.step(t_s)[0] if k else self.antenna.reading(t_s)
-        if t_s in self._asked:
+        if t_s in self._reported:
             self.statuses.append(self.antenna.status(t_s))
         if t_s in self._given:
             self.antenna.accept(self._given[t_s], t_s)

@@ -81,7 +81,7 @@ def estimated_gusts(setup: StationSetup, signals: Signals) -> GustEstimate:
     """Return the wind torque of a recorded pass.
 
     Raises ValueError where it cannot be known: a drive that closes its own loop, no rate commands,
-    or a status with holes.
+    or a status with gaps.
     """
     params = AntennaParams(**setup.sets("antenna_servo"))
     antenna = setup.antenna()

@@ -63,11 +63,6 @@ def scan_tuning(scan: Params) -> dict[str, object]:
     return {f"{Sensor.CONSCAN}.{name}": leaves(scan)[name][1] for name in CHOSEN}
 
 
-def scan_estimator(name: str) -> dict[str, dict[str, object]]:
-    """Return the change of a node's parameters that gives its scan another estimator."""
-    return {NODE: {f"{Sensor.CONSCAN}.estimator": name}}
-
-
 def scans_of_band(of: BandNumbers) -> dict[str, Rows]:
     """Return the rows of both scans by the names of their parameter sets."""
     return {Sensor.CONSCAN.value: conscan_of_band(of), Sensor.STEPTRACK.value: steptrack_of_band(of)}

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import yaml
 
-from rf_pointing.core import AXES, wire_name
+from rf_pointing.core import AXES
 from rf_pointing.ephemeris import Pass
 from rf_pointing.report.bag_writer import BagWriter
 from rf_pointing.report.definitions import definitions
-from rf_pointing.report.recorded_signals import LAYOUTS
+from rf_pointing.report.recorded_signals import LAYOUTS, wire_name
 from rf_pointing.simulation import StationSetup, simulate_pass
 from rf_pointing.simulation.open_loop import Signals, time_of
 from test.report.conftest import MSG_DEFS, Maker, offered_qos

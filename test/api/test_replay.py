@@ -181,7 +181,7 @@ def test_what_is_missing_is_named_and_the_rest_replayed(flown: HeadlessBag, wind
     text = "\n".join(found.remarks)
     assert "servo not replayed alone: no joint_trajectory" in text
     assert "trackers not replayed alone: no carrier_power" in text
-    assert "joint_states has 1 holes, the longest 4.0 s, 20 s after acquisition" in text
+    assert "joint_states has 1 gaps, the longest 4.0 s, 20 s after acquisition" in text
     assert [each.topic for each in found.checks if each.loop == "closed"] == ["joint_states", "sim/pointing_error"]
     with pytest.raises(ValueError, match="wind=measured: .* holds no weather/wind"):
         rp.replay(broken, wind="measured")
