@@ -1,7 +1,6 @@
-"""Ground-station antenna pointing: `import rf_pointing as rp`.
+"""Ground-station antenna pointing: `import rf_pointing as rp`; docs/api.md shows it at work.
 
-A numeric core without ROS, and in `nodes` the ROS 2 graph around it.  The names below are the
-public surface; each is loaded when it is first used.  docs/api.md shows them at work.
+A numeric core without ROS, and around it the ROS 2 graph in `nodes`.  Names load when first used.
 """
 
 import importlib

@@ -81,7 +81,7 @@ class RecordedTrack(TopocentricTrack):
 
     def __init__(self, targets: list[Target], place: TopocentricTrack) -> None:
         # Without the base's own: nothing of the target but these messages is known, and neither
-        # its motion in space nor its offsets can be asked for.
+        # its motion in space nor its offsets are there.
         self.name, self.site, self.refraction = targets[0].name, place.site, place.refraction
         # A publisher that was started again has sent some instants twice.
         rows = {round(each.t_s, 6): each for each in targets}
