@@ -30,9 +30,9 @@ from rf_pointing.calibration import (  # noqa: E402
     held_at_zero,
 )
 from rf_pointing.core import random_stream  # noqa: E402
-from rf_pointing.papers.orbit.measurements import look, visits  # noqa: E402
-from rf_pointing.papers.orbit.motion import Gravity, propagate  # noqa: E402
 from rf_pointing.papers.satcal_campaign import APRIL_T_S, IRS_P3_APRIL, ORBIT_PRIORS, PCMC_DEG, SITES, model_of  # noqa: E402
+from rf_pointing.papers.satcal_looks import look, visits  # noqa: E402
+from rf_pointing.papers.satcal_motion import Gravity, propagate  # noqa: E402
 
 TERMS = tuple(PCMC_DEG["PCMC-1"])
 MODEL = model_of(PCMC_DEG["PCMC-1"])

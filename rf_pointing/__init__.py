@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from rf_pointing.api.calibration import Fit, fit
     from rf_pointing.api.network import NetworkPlan, plan_network
+    from rf_pointing.api.orbit_study import OrbitCovariance, orbit_covariance
+    from rf_pointing.api.orbits import DeterminedOrbit, orbit_from_passes
     from rf_pointing.api.passes import Look, PassCertificate, StationPass
     from rf_pointing.api.plan import Plan
     from rf_pointing.api.recording import Recording
@@ -24,11 +26,13 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 _HOMES = {
     "BiasModel": "calibration.bias_model",
+    "DeterminedOrbit": "api.orbits",
     "Fit": "api.calibration",
     "Look": "api.passes",
     "ModelVersion": "calibration.model_file",
     "NetworkPlan": "api.network",
     "Observations": "calibration.observations",
+    "OrbitCovariance": "api.orbit_study",
     "PassCertificate": "api.passes",
     "Plan": "api.plan",
     "Recording": "api.recording",
@@ -41,6 +45,8 @@ _HOMES = {
     "catalogue": "api.target",
     "elements": "api.target",
     "fit": "api.calibration",
+    "orbit_covariance": "api.orbit_study",
+    "orbit_from_passes": "api.orbits",
     "plan_network": "api.network",
     "read_model": "calibration.model_file",
     "replay": "api.replay",
@@ -48,9 +54,10 @@ _HOMES = {
 }
 """Every public name, and the module that it is loaded from."""
 __all__ = [
-    "BiasModel", "Fit", "Look", "ModelVersion", "NetworkPlan", "Observations", "PassCertificate",
-    "Plan", "Recording", "Replay", "SimulatedPass", "Station", "StationPass", "Target", "Tuning",
-    "catalogue", "elements", "fit", "plan_network", "read_model", "replay", "tune",
+    "BiasModel", "DeterminedOrbit", "Fit", "Look", "ModelVersion", "NetworkPlan", "Observations",
+    "OrbitCovariance", "PassCertificate", "Plan", "Recording", "Replay", "SimulatedPass", "Station",
+    "StationPass", "Target", "Tuning", "catalogue", "elements", "fit", "orbit_covariance",
+    "orbit_from_passes", "plan_network", "read_model", "replay", "tune",
 ]  # fmt: skip
 
 if not TYPE_CHECKING:

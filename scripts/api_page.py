@@ -33,6 +33,7 @@ GROUPS = {
     "Station and targets": ("Station", "elements", "catalogue", "Target"),
     "What a station gives": ("StationPass", "PassCertificate", "Plan", "Look", "SimulatedPass"),
     "A network of stations": ("plan_network", "NetworkPlan"),
+    "Orbits": ("orbit_from_passes", "DeterminedOrbit", "orbit_covariance", "OrbitCovariance"),
     "Loops": ("tune", "Tuning"),
     "Recordings and calibration": (
         "Recording",

@@ -34,6 +34,7 @@ from rf_pointing.ros.graph import (
     ALARMS,
     ARRAY_NODES,
     DESCRIPTION,
+    DESIGNATE,
     EXECUTIVE,
     NODES,
     OPERATOR_PAGE,
@@ -46,7 +47,9 @@ from rf_pointing.ros.managed import ManagedNode
 from rf_pointing.station.description import read_station
 
 NAMESPACE = "/gs1"
-OF_STATION = (*NODES, *ARRAY_NODES, *RECEIVER_NODES, EXECUTIVE, ALARMS, RADIO, ROTCTLD, DESCRIPTION, OPERATOR_PAGE)
+OF_STATION = (
+    *NODES, *ARRAY_NODES, *RECEIVER_NODES, DESIGNATE, EXECUTIVE, ALARMS, RADIO, ROTCTLD, DESCRIPTION, OPERATOR_PAGE,
+)  # fmt: skip
 WITHOUT_STATION = ("simulation_clock", OPERATOR_PAGE)
 ON_A_DRIVE: dict[str, Any] = {"drive.type": "simulated_rotator", "wind.anemometer": True}
 WITH_A_RADIO: dict[str, Any] = {"radio.transponders.any.downlink_mhz": 2250.0}

@@ -27,9 +27,11 @@ SIBLINGS = {
     "planning": SIBLING,
     "identification": SIBLING,
     "radiometry": SIBLING,
+    "orbit": SIBLING,
     "operations": {"icalendar"},
     "drives": BASE | {"serial"},
     # The last two are optional: their sources say what to install.
+    "designate": SIBLING,
     "receiver": SIBLING | {"serial", "zmq", "SoapySDR"},
 }
 COMPOSED = set().union(*SIBLINGS.values())
@@ -60,8 +62,12 @@ ALLOWED_ROOMS = {
     **{room: {"core"} for room in SIBLINGS},
     # A schedule turns the antenna between passes by the rules of planning.
     "operations": {"core", "planning"},
+    # Places on the Earth are those of the sites.
+    "designate": {"core", "ephemeris"},
     # Noise and level as the simulated receiver has them.
     "receiver": {"core", "rf"},
+    # Passes and the mount's model are those of a calibration; frames and elements are of ephemeris.
+    "orbit": {"core", "calibration", "ephemeris"},
     # Fluxes of bodies and patterns of beams are those of the link budget.
     "radiometry": {"core", "rf"},
     "station": {"core", *SIBLINGS},

@@ -6,7 +6,7 @@ What is refused raises ValueError, before anything is started.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from functools import partial
@@ -16,8 +16,15 @@ from typing import Any
 import yaml
 from rf_pointing_msgs.action import TrackPass
 
-from rf_pointing.api.requests import CalibrateRequest, IdentifyRequest, RunRequest, TrackRequest
+from rf_pointing.api.requests import (
+    CalibrateRequest,
+    DesignateRequest,
+    IdentifyRequest,
+    RunRequest,
+    TrackRequest,
+)
 from rf_pointing.api.scan import ScanRequest
+from rf_pointing.api.service import make_desk
 from rf_pointing.api.station import Station
 from rf_pointing.api.target import Target
 from rf_pointing.api.tuning import tune
@@ -34,6 +41,7 @@ from rf_pointing.ros.experiment_run import EndedEarlyError, ExperimentRun
 from rf_pointing.ros.graph import (
     ARRAY_GRAPH,
     ARRAY_NODES,
+    DESIGNATE,
     DRIVE_NODES,
     GRAPH,
     NODES,
@@ -41,8 +49,10 @@ from rf_pointing.ros.graph import (
     with_receiver,
     with_trackers,
 )
-from rf_pointing.ros.live_pass import outcome_line, track_pass
+from rf_pointing.ros.live_pass import outcome_line, track_designated, track_pass
 from rf_pointing.ros.live_scan import LiveScan
+from rf_pointing.ros.live_service import LiveService
+from rf_pointing.ros.stamps import seconds_from_stamp
 from rf_pointing.ros.station_client import StationClient
 from rf_pointing.ros.station_run import RunSetup, StationRun, parameter_file, run_to_end
 from rf_pointing.station.antenna.memory import state_files, state_folder
@@ -51,7 +61,8 @@ from rf_pointing.station.campaign.schedule import CalibrationSchedule, fit_of_ke
 from rf_pointing.station.log_lines import say
 
 OF_STATION = (
-    *(node.name for node in (*GRAPH, *ARRAY_GRAPH) if node.name != "simulation_clock"), *RECEIVER_NODES
+    *(node.name for node in (*GRAPH, *ARRAY_GRAPH) if node.name != "simulation_clock"), *RECEIVER_NODES,
+    DESIGNATE,
 )  # fmt: skip
 """The nodes that take the station description."""
 LIGHT_WIND_M_S = 0.3
@@ -64,7 +75,7 @@ class TrackResult:
     """Result of a pass: `outcome` is None where it was not started."""
 
     code: int
-    window: Pass
+    window: Pass | None
     output: Path
     bag: Path
     outcome: TrackPass.Result | None
@@ -72,10 +83,13 @@ class TrackResult:
 
 @dataclass(frozen=True, kw_only=True)
 class Flight:
-    """A pass that can be flown: its files are written, nothing is started yet."""
+    """A pass that can be flown: its files are written, nothing is started yet.
 
-    request: TrackRequest
-    window: Pass
+    Reports lead to a target without a `window`.
+    """
+
+    request: RunRequest
+    window: Pass | None
     output: Path
     setup: RunSetup
 
@@ -84,8 +98,10 @@ class Flight:
         results: list[TrackPass.Result] = []
 
         def work(run: StationRun) -> int:
-            results.append(track_pass(run, self.window, self.request.sensor))
-            return 0 if results[0].success else 1
+            sensor = self.request.sensor
+            given = track_designated(run, sensor) if self.window is None else track_pass(run, self.window, sensor)
+            results.append(given)
+            return 0 if given.success else 1
 
         code = run_to_end("track", lambda: StationRun(self.setup), work)
         for result in results:
@@ -106,7 +122,8 @@ def prepare_track(request: TrackRequest) -> Flight:
         say("track", warning)
     stem = f"{id_of(request.target.satellite)}-{datetime.fromtimestamp(window.aos_t_s, UTC):%Y%m%dT%H%M%S}"
     output = output_folder(request, stem)
-    setup = run_setup("track", request, window, output)
+    begin_s = math.floor(window.aos_t_s) - request.before_pass_s(window)
+    setup = run_setup("track", request, output, begin_s, window.name)
     say("track", f"{window.name} over {request.station.name}, {request.station.band} band, {request.sensor}: "
         f"AOS {utc_text(window.aos_t_s)}, {window.duration_s:.0f} s, "
         f"peak {math.degrees(window.peak_elevation_rad):.1f} deg")  # fmt: skip
@@ -114,6 +131,17 @@ def prepare_track(request: TrackRequest) -> Flight:
         say("track", f"scan of {scan.radius_rad / MDEG:.2f} mdeg in {scan.period_s:.1f} s, an estimate over "
             f"{scan.window_samples * scan.sample_s:.1f} s")  # fmt: skip
     return Flight(request=request, window=window, output=output, setup=setup)
+
+
+def prepare_designate(request: DesignateRequest) -> Flight:
+    """Write the files of a run that is led by reports; ValueError for what cannot be flown."""
+    check_files(request)
+    name = request.params.target
+    output = output_folder(request, f"{id_of(name)}-{datetime.now(UTC):%Y%m%dT%H%M%S}")
+    setup = run_setup("track", request, output, request.begin_s, name)
+    place = f"{request.station.name}, {request.station.band} band, {request.sensor}"
+    say("track", f"{request.kind} {name} of {request.designate} over {place}")
+    return Flight(request=request, window=None, output=output, setup=setup)
 
 
 def track(request: TrackRequest) -> TrackResult:
@@ -145,6 +173,23 @@ def scan(
         return False
     found = request.result(live.samples)
     found.keep(output, table)
+    return True
+
+
+def serve(client: StationClient, targets: Sequence[str], hours: Sequence[float], *, station: str = "") -> bool:
+    """Serve targets with a station that runs, each from its hour of the day on, until stopped.
+
+    `station` is its description where that of its nodes is not on this computer.
+    """
+    of_node = partial(client.parameter, "pointing_controller")
+    elements = client.parameter("ephemeris_publisher", "source.elements") or ""
+    mine = Station(station or of_node("station"), of_node("band") or None)
+    client.until(lambda: "antenna_status" in client.newest, "antenna_status")
+    now_s = seconds_from_stamp(client.newest["antenna_status"].header.stamp)
+    names = [Target(location=elements, satellite=name) for name in targets]
+    client.select(targets[0])
+    desk = make_desk(mine, names, hours, now_s, state_folder() / f"services-{id_of(mine.name)}.json")
+    LiveService(client, desk, mine.controller.limits, mine.lowest_rad, client.key()).serve()
     return True
 
 
@@ -212,10 +257,9 @@ def prepare_calibration(request: CalibrateRequest) -> Calibration:
         target=Target(location=str(elements), satellite=str(schedule.elements[0].catalogue_number)),
         parameter_files=(*request.parameter_files, calibrator),
     )
-    setup = replace(
-        run_setup("calibrate", own, [*schedule.windows, *schedule.acceptance_passes][0], output),
-        awaited="the first pass",
-    )
+    first = [*schedule.windows, *schedule.acceptance_passes][0]
+    begin_s = math.floor(first.aos_t_s) - own.before_pass_s(first)
+    setup = run_setup("calibrate", own, output, begin_s, "the first pass")
     say("calibrate", str(schedule))
     return Calibration(request=request, schedule=schedule, output=output, setup=setup)
 
@@ -292,14 +336,16 @@ def nodes_of(request: RunRequest) -> tuple[str, ...]:
     station = request.station.description
     # A real array has receivers of its own.
     names = (*NODES, *array) if station.simulated else (*DRIVE_NODES, *array[1:])
+    if isinstance(request, DesignateRequest):
+        names = tuple(DESIGNATE if name == "ephemeris_publisher" else name for name in names)
     if not station.simulated:
         names = with_trackers(names, station.every_sensor, station.receiver)
     return with_receiver(names, station.receiver)
 
 
-def run_setup(program: str, request: RunRequest, window: Pass, output: Path) -> RunSetup:
-    """Return the setup of a run whose first pass is `window`; its files are written to `output`."""
-    station, before_s, factor = request.station, request.before_pass_s(window), request.factor
+def run_setup(program: str, request: RunRequest, output: Path, begin_s: float, awaited: str) -> RunSetup:
+    """Return the setup of a run that begins at `begin_s`; its files are written to `output`."""
+    station, factor = request.station, request.factor
     # The servo ticks one by one, or five ticks at once.
     ticks = not station.simulated or 0.0 < factor <= REAL_TIME_SPEED
     kind = {"drive": str(station.description.drive["type"])}
@@ -308,8 +354,7 @@ def run_setup(program: str, request: RunRequest, window: Pass, output: Path) -> 
     if station.simulated:
         kind = {"seed": str(request.seed), "speed": f"{factor:g}" if factor else "max"}
         # At 10 Hz the servo makes up its ticks at once: 80 % less traffic of the clock.
-        start_s = float(math.floor(window.aos_t_s) - before_s)
-        clock = {"start_s": start_s, "speed": factor, "tick_s": 0.02 if ticks else 0.1}
+        clock = {"start_s": float(begin_s), "speed": factor, "tick_s": 0.02 if ticks else 0.1}
         if station.description.receiver != "simulated":
             clock["errors_in_time"] = False
         parameters = {"simulation_clock": clock} | parameters
@@ -328,8 +373,8 @@ def run_setup(program: str, request: RunRequest, window: Pass, output: Path) -> 
         notes={"station": station.name, "band": station.band, "sensor": request.sensor, **kind},
         punctual=ticks,
         reset_fault=request.reset_fault,
-        begin_s=window.aos_t_s - before_s,
-        awaited=window.name,
+        begin_s=begin_s,
+        awaited=awaited,
         processes=request.processes,
     )
 
@@ -399,4 +444,7 @@ def _parameters(request: RunRequest, output: Path) -> dict[str, dict[str, Any]]:
         },
     }
     common = {"station": str((output / "station.yaml").resolve()), "band": request.station.band}
+    if isinstance(request, DesignateRequest):
+        led = {name: getattr(request.params, name) for name in ("source", "target", "kind", "fused")}
+        own[DESIGNATE] = {f"designate.{name}": value for name, value in led.items()}
     return {node: common | own.get(node, {}) for node in OF_STATION if node in nodes_of(request)}

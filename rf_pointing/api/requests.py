@@ -19,14 +19,15 @@ import yaml
 
 from rf_pointing.api.station import Station
 from rf_pointing.api.target import Target
-from rf_pointing.core import AXES, MDEG, Params, require_between
+from rf_pointing.core import AXES, MDEG, Params, Sensor, require_between
+from rf_pointing.core.checks import id_of
 from rf_pointing.core.dates import DAY_S, parse_utc, utc_text
 from rf_pointing.core.parameters import flat, read_parameter_files, with_leaves
 from rf_pointing.ephemeris import Elements, ElementUncertainty, Pass, first_pass_above, stale_warning
 from rf_pointing.ephemeris.solar import SolarDirection
 from rf_pointing.ephemeris.source import SourceParams, read_source
 from rf_pointing.identification import ExcitationParams
-from rf_pointing.planning import Gate, choose_turns
+from rf_pointing.planning import Gate, HorizonMask, choose_turns
 from rf_pointing.receiver.params import SignalReceiverParams
 from rf_pointing.receiver.registry import check_params, known_types
 from rf_pointing.station.campaign.calibrator import journal_of
@@ -34,6 +35,7 @@ from rf_pointing.station.campaign.plan import beacons
 from rf_pointing.station.campaign.schedule import CalibrationSchedule, CampaignParams, schedule_calibration
 from rf_pointing.station.derive.signal import OPEN
 from rf_pointing.station.description.content import ReceiverSection
+from rf_pointing.station.designated.target import DesignatedTarget, DesignateParams
 from rf_pointing.tracking.power_tracker import scan_tuning
 
 DEFAULT_MODELS = "runs/models"
@@ -247,6 +249,57 @@ class TrackRequest(RunRequest):
         farthest_m = max(float(track.target_at(t_s).range_m) for t_s in (self.window.aos_t_s, self.window.los_t_s))
         level_db_hz = params.link.level_db_hz(farthest_m)
         return params.scan_for_accuracy(level_db_hz, self.scan_sigma_mdeg * MDEG)
+
+
+@dataclass(frozen=True, kw_only=True)
+class DesignateRequest(RunRequest):
+    """A target without an orbit: `designate` says who reports it, `kind` what it is.
+
+    adsb:HOST:PORT/ICAO24, sonde:ADDRESS:PORT/CALLSIGN, mavlink:ADDRESS:PORT/SYSTEM, several of one
+    target separated by commas; or table:FILE.  A simulated antenna is led in real time, or flies a
+    table at any speed; its receiver does not receive the target, so `sensor` is program there.
+    """
+
+    designate: str = ""
+    kind: str = "aircraft"
+
+    def __post_init__(self) -> None:
+        if self.station.simulated and not self.is_table:
+            if self.speed not in (None, 1.0):
+                raise ValueError(f"speed={self.speed}: reports come in real time, must be 1")
+            object.__setattr__(self, "speed", 1.0)
+        if self.station.simulated and not self.sensor:
+            object.__setattr__(self, "sensor", Sensor.PROGRAM.value)
+        super().__post_init__()
+        _ = self.begin_s
+
+    @property
+    def is_table(self) -> bool:
+        """Whether the flight is known before."""
+        return self.designate.startswith("table:")
+
+    @property
+    def params(self) -> DesignateParams:
+        """Parameters of target_designate."""
+        parts = [self.designate] if self.is_table else self.designate.split(",")
+        source, name = " ".join(parts), parts[0].partition("/")[2]
+        if self.is_table:
+            file = Path(self.designate.partition(":")[2])
+            source, name = f"table:{file.resolve()}", id_of(file.stem)
+        elif not all(each.partition("/")[2] for each in parts):
+            raise ValueError(
+                f"designate={self.designate!r} must name the target after a slash, as adsb:HOST:PORT/ICAO24"
+            )
+        return DesignateParams(source=source, target=name, kind=self.kind, fused=len(parts) > 1)
+
+    @cached_property
+    def begin_s(self) -> float:
+        """Time at which the run begins: now, or in time for the first row of a table.
+
+        ValueError for what target_designate would refuse.
+        """
+        first_s = DesignatedTarget(self.params, self.station.site, HorizonMask(), lambda *_: None, time.time).first_s
+        return math.floor(time.time() if first_s is None else first_s - SLEW_TIME_S)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -27,6 +27,7 @@ import math
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from datetime import datetime
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -65,6 +66,24 @@ class StationRequest:
     arguments: Mapping[str, Any]
 
 
+def live_service(client: Any, targets: list[str], station: str) -> bool:
+    """Serve with a station that runs, as `api.live.serve`."""
+    # Imported late: its libraries take time that the other requests of an operator have not.
+    from rf_pointing.api import live
+
+    parts = [each.partition("@") for each in targets]
+    hours = [_hour(time) if time else 0.0 for _, _, time in parts]
+    return live.serve(client, [name for name, _, _ in parts], hours, station=station)
+
+
+def _hour(text: str) -> float:
+    try:
+        moment = datetime.strptime(text, "%H:%M")
+    except ValueError as error:
+        raise ValueError(f"time={text!r} must be HH:MM, UTC") from error
+    return moment.hour + moment.minute / 60.0
+
+
 def request_of(argv: list[str] | None = None) -> StationRequest:
     """Return the request of a command line."""
     load_trackers()
@@ -95,6 +114,10 @@ def request_of(argv: list[str] | None = None) -> StationRequest:
     scan("target", help="catalogue number or name, or a body of the sky")
     scan("--station", default="", metavar="FILE|NAME", help="(default: that of its nodes)")
     add_pattern(scan)
+    service = add("service", "hold targets that never set, each from its hour on, until Ctrl-C", live_service)
+    service("targets", nargs="+", help="names in the elements, or Moon, Sun, a radio source; NAME@HH:MM from that time "
+            "of every day (UTC) on")  # fmt: skip
+    service("--station", default="", metavar="FILE|NAME", help="(default: that of its nodes)")
     queue = add("queue", "hand passes over to the executive: JSON, CSV or ICS of plan_passes", StationClient.queue)
     queue("text", metavar="file", nargs="?", type=refusing(_passes), help="file of the passes")
     queue("--remove", nargs="+", default=[], metavar="ID", help="take passes out")

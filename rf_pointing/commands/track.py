@@ -12,9 +12,11 @@ import argparse
 import sys
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from rf_pointing.api import live
-from rf_pointing.api.requests import DEFAULT_MODELS, TrackRequest
+from rf_pointing.api.requests import DEFAULT_MODELS, DesignateRequest, TrackRequest
+from rf_pointing.api.target import Target
 from rf_pointing.commands.options import add_options, ending_with_reason, named, requested
 from rf_pointing.tracking.sensors import SENSOR_CHOICES, load_trackers
 
@@ -33,6 +35,10 @@ def arguments() -> argparse.ArgumentParser:
         min_peak={"default": 40.0, "help": "least peak elevation in deg (default: 40)"},
     )  # fmt: skip
     add = parser.add_argument
+    add("--designate", nargs="+", metavar=("ADDRESS", "KIND"), default=argparse.SUPPRESS,
+        help="in place of a satellite, what others report: adsb:HOST:PORT/ICAO24, sonde:ADDRESS:PORT/CALLSIGN, "
+        "mavlink:ADDRESS:PORT/SYSTEM, several with commas for one target, or a flight of a table:FILE; aircraft "
+        "(default), balloon, rocket or ship")  # fmt: skip
     add("--sensor", type=named(SENSOR_CHOICES), choices=tuple(SENSOR_CHOICES),
         help="(default: that of the station's band)")  # fmt: skip
     add("--scan-sigma", dest="scan_sigma_mdeg", metavar="MDEG", type=float, help="accuracy of the scan per axis at "
@@ -53,6 +59,18 @@ def arguments() -> argparse.ArgumentParser:
     return parser
 
 
+def designated(**given: Any) -> DesignateRequest:
+    """Return the request of a line with --designate; ValueError for options of a satellite."""
+    usual = vars(arguments().parse_args([]))
+    for name in ("start_s", "mask_deg", "min_peak_deg", "scan_sigma_mdeg"):
+        if given.pop(name) != usual[name]:
+            raise ValueError(f"{name.rpartition('_')[0]} is for a satellite, and --designate leads to another target")
+    if given.pop("target") != Target():
+        raise ValueError("elements and satellite are given, and --designate leads to another target")
+    address, kind = [*given.pop("designate"), "aircraft"][:2]
+    return DesignateRequest(**given, designate=address, kind=kind)
+
+
 request_of = partial(requested, arguments, TrackRequest)
 """Returns the request of a command line; ValueError with the reason where it cannot be."""
 
@@ -60,5 +78,9 @@ request_of = partial(requested, arguments, TrackRequest)
 def main(argv: list[str] | None = None) -> None:
     """Entry point of `ros2 run rf_pointing track`."""
     with ending_with_reason("track"):
-        ready = live.prepare_track(request_of(argv))
+        led = any(each.startswith("--designate") for each in argv or sys.argv[1:])
+        if led:
+            ready = live.prepare_designate(requested(arguments, designated, argv))
+        else:
+            ready = live.prepare_track(request_of(argv))
     sys.exit(ready.fly().code)

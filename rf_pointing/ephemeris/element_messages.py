@@ -16,7 +16,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from rf_pointing.core.checks import name_of
-from rf_pointing.core.dates import DAY_S, from_utc_text
+from rf_pointing.core.dates import DAY_S, from_utc_text, to_utc_text
 from rf_pointing.core.kvn import key_and_value, without_unit
 from rf_pointing.core.whole_file import DEEPEST, parse_json
 from rf_pointing.ephemeris.elements import MEAN_MOTIONS, Elements
@@ -224,6 +224,31 @@ def read_omm_kvn(text: str, _name: str = "") -> Found:
             if key in fields and key != "COMMENT":
                 wrong = wrong or f"line {number}: {key} is given twice"
             fields[key] = value
+
+
+def omm_text(elements: Elements, *, originator: str, created_t_s: float) -> str:
+    """Return the elements as an OMM in KVN; `read_omm_kvn` is the inverse."""
+    per_day = 2.0 * math.pi / DAY_S
+    angles = {
+        "INCLINATION": elements.inclination_rad, "RA_OF_ASC_NODE": elements.ascending_node_rad,
+        "ARG_OF_PERICENTER": elements.argument_of_perigee_rad,
+        "MEAN_ANOMALY": elements.mean_anomaly_rad,
+    }  # fmt: skip
+    number, dot = elements.catalogue_number, elements.mean_motion_dot_rad_s2 / per_day * DAY_S
+    fields = {
+        "CCSDS_OMM_VERS": "2.0", "CREATION_DATE": to_utc_text(created_t_s), "ORIGINATOR": originator,
+        "OBJECT_NAME": elements.name, "OBJECT_ID": elements.international_designator or number,
+        "CENTER_NAME": "EARTH", "REF_FRAME": "TEME", "TIME_SYSTEM": "UTC",
+        "MEAN_ELEMENT_THEORY": "SGP4", "EPOCH": to_utc_text(elements.epoch_t_s),
+        "MEAN_MOTION": f"{elements.mean_motion_rad_s / per_day:.12f}",
+        "ECCENTRICITY": f"{elements.eccentricity:.12f}",
+        **{name: f"{math.degrees(value):.10f}" for name, value in angles.items()},
+        "EPHEMERIS_TYPE": 0, "CLASSIFICATION_TYPE": elements.classification, "NORAD_CAT_ID": number,
+        "ELEMENT_SET_NO": elements.element_set_number, "REV_AT_EPOCH": elements.revolution_number,
+        "BSTAR": f"{elements.drag_per_earth_radius:.10e}", "MEAN_MOTION_DOT": f"{0.5 * dot:.10e}",
+        "MEAN_MOTION_DDOT": f"{elements.mean_motion_ddot_rad_s3 / 6.0 / per_day * DAY_S**2:.10e}",
+    }  # fmt: skip
+    return "".join(f"{key} = {value}\n" for key, value in fields.items())
 
 
 def _omm(line: int, number: int, fields: Fields) -> Elements | ValueError:

@@ -102,7 +102,7 @@ class Draft:
     meta: dict[str, str] = field(default_factory=dict)
     states: list[State] = field(default_factory=list)
     covariances: list[tuple[int, dict[str, str], list[float]]] = field(default_factory=list)
-    """Line, EPOCH and COV_REF_FRAME, and the 21 numbers of the lower lower in km and s."""
+    """Line, EPOCH and COV_REF_FRAME, and the 21 numbers of the lower triangle in km and s."""
     wrong: ValueError | None = None
 
     def segment(self) -> "OemSegment | ValueError":
@@ -202,11 +202,12 @@ WRITTEN_STEP_S = 60.0
 
 
 def oem_text(
-    target: TargetSource, object_id: str, start_t_s: float, end_t_s: float, *, originator: str, created_t_s: float
-) -> str:
+    target: TargetSource, object_id: str, start_t_s: float, end_t_s: float, *, originator: str,
+    created_t_s: float, covariances: Sequence[StateCovariance] = (),
+) -> str:  # fmt: skip
     """Return the message of a target's motion between two UTC times; `read_oem` is the inverse.
 
-    The states are of the Earth-fixed frame ITRF, a minute apart.
+    The states are of the Earth-fixed frame ITRF, a minute apart; `covariances` keep their frames.
 
     Raises
     ------
@@ -234,7 +235,18 @@ def oem_text(
     states = [
         f"{epoch} " + " ".join(f"{value:.9f}" for value in row) for epoch, row in zip(epochs, columns, strict=True)
     ]
-    return "\n".join([*lines, *states]) + "\n"
+    return "\n".join([*lines, *states, *_covariance_lines(covariances)]) + "\n"
+
+
+def _covariance_lines(covariances: Sequence[StateCovariance]) -> list[str]:
+    lines = ["", "COVARIANCE_START"] if covariances else []
+    for one in covariances:
+        epoch = to_utc_text(utc_from_tai_s(one.tai_s))
+        lines += [f"EPOCH = {epoch}", f"COV_REF_FRAME = {one.frame}"]
+        # Metres to km: the lower triangle, a line for each row.
+        for k, row in enumerate(one.matrix * 1e-6):
+            lines.append(" ".join(f"{value:.9e}" for value in row[: k + 1]))
+    return [*lines, "COVARIANCE_STOP"] if covariances else []
 
 
 def _state(line: str, number: int) -> State:

@@ -258,7 +258,8 @@ def _seen(track: TopocentricTrack, t_s: Array) -> tuple[list[Array], Array]:
 def _node_step_s(track: TopocentricTrack) -> float:
     elements = getattr(track.target, "elements", None)
     if not isinstance(elements, Elements) or track.hold_t_s is not None:
-        return _STEP_S
+        # What flies may turn between two nodes of an orbit.
+        return getattr(track.target, "node_step_s", _STEP_S)
     e = elements.eccentricity
     fastest_rad_s: float = elements.mean_motion_rad_s * (1.0 + e) ** 2 / (1.0 - e * e) ** 1.5
     return min(_NODE_RAD / fastest_rad_s, _LONGEST_NODE_S)

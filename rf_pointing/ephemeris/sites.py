@@ -17,6 +17,26 @@ Vector = tuple[float, float, float]
 WGS84_FLATTENING = 1.0 / 298.257223563
 
 
+def earth_fixed_m(latitude_rad: float, longitude_rad: float, height_m: float) -> Vector:
+    """Return the Earth-fixed position x, y, z of geodetic coordinates."""
+    e2 = WGS84_FLATTENING * (2.0 - WGS84_FLATTENING)
+    normal = EARTH_RADIUS_M / math.sqrt(1.0 - e2 * math.sin(latitude_rad) ** 2)
+    # The ellipsoid's normal radius, not the distance from the centre.
+    across = (normal + height_m) * math.cos(latitude_rad)
+    up = (normal * (1.0 - e2) + height_m) * math.sin(latitude_rad)
+    return across * math.cos(longitude_rad), across * math.sin(longitude_rad), up
+
+
+def local_axes(latitude_rad: float, longitude_rad: float) -> tuple[Vector, Vector, Vector]:
+    """Return unit vectors east, north and up of a place in Earth-fixed components."""
+    sin_lat, cos_lat = math.sin(latitude_rad), math.cos(latitude_rad)
+    sin_lon, cos_lon = math.sin(longitude_rad), math.cos(longitude_rad)
+    east = (-sin_lon, cos_lon, 0.0)
+    north = (-sin_lat * cos_lon, -sin_lat * sin_lon, cos_lat)
+    up = (cos_lat * cos_lon, cos_lat * sin_lon, sin_lat)
+    return east, north, up
+
+
 @dataclass(frozen=True, kw_only=True)
 class Site(Params):
     """Intersection of the axes of an antenna."""
@@ -35,22 +55,12 @@ class Site(Params):
     @cached_property
     def position_m(self) -> Vector:
         """Earth-fixed position x, y, z."""
-        e2 = WGS84_FLATTENING * (2.0 - WGS84_FLATTENING)
-        normal = EARTH_RADIUS_M / math.sqrt(1.0 - e2 * math.sin(self.latitude_rad) ** 2)
-        # The ellipsoid's normal radius, not the distance from the centre.
-        across = (normal + self.altitude_m) * math.cos(self.latitude_rad)
-        up = (normal * (1.0 - e2) + self.altitude_m) * math.sin(self.latitude_rad)
-        return across * math.cos(self.longitude_rad), across * math.sin(self.longitude_rad), up
+        return earth_fixed_m(self.latitude_rad, self.longitude_rad, self.altitude_m)
 
     @cached_property
     def axes(self) -> tuple[Vector, Vector, Vector]:
         """Unit vectors east, north and up in Earth-fixed components: the rows of the rotation."""
-        sin_lat, cos_lat = math.sin(self.latitude_rad), math.cos(self.latitude_rad)
-        sin_lon, cos_lon = math.sin(self.longitude_rad), math.cos(self.longitude_rad)
-        east = (-sin_lon, cos_lon, 0.0)
-        north = (-sin_lat * cos_lon, -sin_lat * sin_lon, cos_lat)
-        up = (cos_lat * cos_lon, cos_lat * sin_lon, sin_lat)
-        return east, north, up
+        return local_axes(self.latitude_rad, self.longitude_rad)
 
 
 SITES = {

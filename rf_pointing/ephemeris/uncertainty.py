@@ -90,6 +90,29 @@ def sky_uncertainty(track: TopocentricTrack, t_s: float, model: ElementUncertain
     )
 
 
+def place_uncertainty(
+    track: TopocentricTrack, t_s: float, covariance_m2: NDArray[np.float64], age_s: float
+) -> SkyUncertainty:
+    """Return what a covariance (3, 3) of the Earth-fixed position means on the sky at UTC `t_s`."""
+    seen, range_m, _ = track.relative_motion_at(t_s)
+    right, up = (np.array(axis, dtype=np.float64) for axis in _sky_axes(seen))
+    to_sky = np.array([right, up]) @ np.array(track.site.axes) / float(range_m)
+    covariance = to_sky @ covariance_m2 @ to_sky.T
+    velocity = np.array(seen.velocity, dtype=np.float64)
+    motion, speed = np.array([right @ velocity, up @ velocity]), float(np.linalg.norm(velocity))
+    # A target at rest on the sky has no way: its error is counted across the elevation.
+    along = motion / float(np.linalg.norm(motion)) if motion.any() else np.array([1.0, 0.0])
+    across = np.array([along[1], -along[0]])
+    along_rad = float(np.sqrt(along @ covariance @ along))
+    return SkyUncertainty(
+        age_s=age_s,
+        along_track_rad=along_rad,
+        cross_track_rad=float(np.sqrt(across @ covariance @ across)),
+        along_track_s=along_rad * float(range_m) / speed if speed else 0.0,
+        covariance_rad2=covariance,
+    )
+
+
 def stale_warning(
     track: TopocentricTrack, t_s: float, stale_s: float, model: ElementUncertainty, beamwidth_rad: float | None = None
 ) -> str:

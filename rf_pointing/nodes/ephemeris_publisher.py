@@ -11,9 +11,8 @@ Services: ~/select_target (rf_pointing_msgs/SelectTarget): choose the satellite 
 Parameters: source.* (elements or ephemeris, object, station; offsets, hold, weather and antenna,
 live, read back on /diagnostics with the age of the elements and what it means on the sky; newer
 elements of an address, or of files that were replaced, come into force between two passes),
-publisher.* (lead, rate, mask, how far to look, state_file: what was selected and set outlives the
-node), mask.* (the horizon by azimuth, as pointing_controller's: a pass begins and ends above both),
-uncertainty.* (position errors of elements against their age).
+publisher.* (lead, rate, mask, how far to look, state_file), mask.* (the horizon by azimuth, as
+pointing_controller's: a pass begins and ends above both), uncertainty.* (errors against the age).
 """
 
 from collections.abc import Callable
@@ -68,6 +67,7 @@ class EphemerisPublisher(StationNode):
         self._targets = self.stream(Target, "target", STREAM)
         self._passes = self.stream(PassList, "passes", LATCHED)
         self._profiles = self.stream(PassProfileList, "pass_profiles", LATCHED)
+        self.listen(PassList, "passes", lambda m: self.prediction.yield_to(m.target), LATCHED)
         source = self.prediction.source
         for topic, (kind, name, read) in WEATHER.items() if source.refraction == "measured" else ():
             take = lambda m, name=name, read=read: self.prediction.take_weather(name, read(m), self.now_s())  # noqa: E731

@@ -65,7 +65,7 @@ class PointingControllerNode(StationNode):
             core.permit_sun(convert.sun_permit_from_message(message), self.band)
 
         def take_profiles(message: ours.PassProfileList) -> None:
-            core.plan.take_profiles([profile_from_message(each) for each in message.profiles])
+            core.take_profiles([profile_from_message(each) for each in message.profiles])
 
         def take_error(message: ours.PointingError) -> None:
             core.take_error(convert.error_from_message(message))

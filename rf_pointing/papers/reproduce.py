@@ -31,6 +31,7 @@ PAPERS = (
     "monopulse",
     "nco",
     "network",
+    "orbit",
     "receive",
     "satcal",
     "sensors",

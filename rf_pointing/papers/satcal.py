@@ -14,8 +14,6 @@ import numpy as np
 from rf_pointing.calibration import Observations, terms_by_name
 from rf_pointing.core import random_stream
 from rf_pointing.core.types import Array
-from rf_pointing.papers.orbit.measurements import Look, look, measured
-from rf_pointing.papers.orbit.motion import Gravity, propagate
 from rf_pointing.papers.row import Row, near
 from rf_pointing.papers.satcal_campaign import (
     APRIL_T_S,
@@ -33,6 +31,8 @@ from rf_pointing.papers.satcal_campaign import (
     points_of,
     sky_filling_points,
 )
+from rf_pointing.papers.satcal_looks import Look, look
+from rf_pointing.papers.satcal_motion import Gravity, measured, propagate
 from rf_pointing.papers.satcal_orbit import (
     BatchCheck,
     PreliminaryCheck,

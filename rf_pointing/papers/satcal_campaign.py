@@ -25,8 +25,8 @@ from rf_pointing.calibration import (
 )
 from rf_pointing.calibration.pass_errors import shift_by
 from rf_pointing.core.types import Array
-from rf_pointing.papers.orbit.measurements import Elements, Look, visits
-from rf_pointing.papers.orbit.motion import Gravity, Site
+from rf_pointing.papers.satcal_looks import Look, visits
+from rf_pointing.papers.satcal_motion import Elements, Gravity, Site
 
 MAURITIUS_DEG = {
     "azimuth_offset": 0.178,

@@ -8,10 +8,10 @@ import numpy as np
 
 from rf_pointing.calibration import BiasModel
 from rf_pointing.core.types import Array
-from rf_pointing.papers.orbit.batch import Arc, OrbitResult, fit_orbit, preliminary_orbit, times_of
-from rf_pointing.papers.orbit.measurements import Elements, Look, look, measured
-from rf_pointing.papers.orbit.motion import Gravity, Site, propagate
+from rf_pointing.papers.satcal_batch import Arc, OrbitResult, fit_orbit, preliminary_orbit, times_of
 from rf_pointing.papers.satcal_campaign import APRIL_T_S, INJECTION_T_S, IRS_P3, IRS_P3_APRIL, SITES
+from rf_pointing.papers.satcal_looks import Look, look
+from rf_pointing.papers.satcal_motion import Elements, Gravity, Site, measured, propagate
 
 _GRAVITY = Gravity()
 _ARC_S = np.arange(-140.0, 21.0, 2.0)

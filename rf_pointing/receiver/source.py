@@ -14,6 +14,7 @@ from collections import Counter, deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from typing import Any, Protocol
 
 import serial
 
@@ -37,8 +38,18 @@ class Level:
     value: float
     locked: bool | None = None
 
+    @property
+    def taken_s(self) -> float:
+        """When it counts as arrived."""
+        return self.t_s
 
-Arrival = IqSamples | Level
+
+class Arrival(Protocol):
+    """One thing that a source reads: samples, a level, or what a decoder makes of a line."""
+
+    @property
+    def taken_s(self) -> float:
+        """When it arrived."""
 
 
 class Source:
@@ -57,7 +68,7 @@ class Source:
         self.losses: Counter[str] = Counter()
         self.index = 0
         """Samples received, lost ones included."""
-        self._arrived: deque[Arrival] = deque()
+        self._arrived: deque[Any] = deque()
         self._reads: deque[str] = deque(maxlen=50)
         """The newest reads: "" for arrivals, else why they are refused."""
         self._ended = threading.Event()
@@ -79,7 +90,7 @@ class Source:
     def close(self) -> None:
         """Release the device."""
 
-    def step(self) -> list[Arrival]:
+    def step(self) -> list[Any]:
         """Return what has arrived since the last step; the first one starts the loop."""
         if self._thread is None:
             self._thread = threading.Thread(target=self._run, name=self.where, daemon=True)
@@ -150,13 +161,8 @@ class Source:
 
     def _keep(self, arrivals: Sequence[Arrival]) -> None:
         self._arrived.extend(arrivals)
-        newest = arrivals[-1]
-        newest_s = newest.arrival_s if isinstance(newest, IqSamples) else newest.t_s
-        while len(self._arrived) > 1:
-            oldest = self._arrived[0]
-            oldest_s = oldest.arrival_s if isinstance(oldest, IqSamples) else oldest.t_s
-            if newest_s - oldest_s <= KEPT_S:
-                break
+        newest_s = arrivals[-1].taken_s
+        while len(self._arrived) > 1 and newest_s - self._arrived[0].taken_s > KEPT_S:
             self._arrived.popleft()
             self.losses["not taken in time"] += 1
 

@@ -42,6 +42,11 @@ class IqSamples:
     clipped: float = 0.0
     centre_hz: float | None = None
 
+    @property
+    def taken_s(self) -> float:
+        """When it arrived."""
+        return self.arrival_s
+
 
 class Spectrum:
     """One block: `values` (channels, N) by frequency, `first` the index of its middle part."""

@@ -104,6 +104,12 @@ _TARGET_MEANING = "direction, rates, range, Doppler, light time, refraction, cov
 # The clock waits for the topic that each node publishes last in a period.  What the
 # node published before (the command, the samples) has then reached its receivers, and the tick
 # cannot overtake it: with a topic published earlier it did, once in some minutes on a busy machine.
+_TARGET = (
+    Topic("target", ours.Target, STREAM, "10 Hz, 2 s ahead", meaning=_TARGET_MEANING, allowed_lag_s=_AHEAD_S),
+    Topic("passes", ours.PassList, LATCHED, "latched"),
+    Topic("pass_profiles", ours.PassProfileList, LATCHED, "latched"),
+)
+
 GRAPH = (
     GraphNode("simulation_clock", (Topic("clock", Clock, STREAM, "50 Hz (10 Hz above 3×)", frame=""),), simulated=True),
     GraphNode(
@@ -119,14 +125,7 @@ GRAPH = (
     GraphNode("rf_receiver", (*_RECEIVED, _TRUTH), simulated=True),
     *(GraphNode(name, (_POINTING_ERROR,)) for name in _TRACKERS),
     GraphNode("bias_calibrator", (Topic("pointing_model", ours.PointingModel, LATCHED, "latched"),)),
-    GraphNode(
-        "ephemeris_publisher",
-        (
-            Topic("target", ours.Target, STREAM, "10 Hz, 2 s ahead", meaning=_TARGET_MEANING, allowed_lag_s=_AHEAD_S),
-            Topic("passes", ours.PassList, LATCHED, "latched"),
-            Topic("pass_profiles", ours.PassProfileList, LATCHED, "latched"),
-        ),
-    ),
+    GraphNode("ephemeris_publisher", _TARGET),
     GraphNode(
         "pointing_controller",
         (
@@ -154,6 +153,8 @@ RECEIVER_GRAPH = (
     GraphNode("signal_receiver", _RECEIVED),
 )
 """Nodes in place of rf_receiver where the receiver of a station is not simulated."""
+DESIGNATE_GRAPH = (GraphNode("target_designate", _TARGET),)
+"""Node of a station that is led by reports of a target, with the ephemeris or in place of it."""
 SERVED = ("rtl_tcp", "vita49", "zmq")
 """Receivers whose samples signal_source can make for a simulated antenna."""
 
@@ -161,7 +162,7 @@ SERVED = ("rtl_tcp", "vita49", "zmq")
 def _topics() -> tuple[Topic, ...]:
     """Return each topic of the graph once, with the names of all nodes that publish it."""
     found: dict[str, Topic] = {}
-    for node in (*GRAPH, *ARRAY_GRAPH, *RECEIVER_GRAPH):
+    for node in (*GRAPH, *ARRAY_GRAPH, *RECEIVER_GRAPH, *DESIGNATE_GRAPH):
         for topic in node.topics:
             others = f"{found[topic.name].publisher}, " if topic.name in found else ""
             found[topic.name] = replace(topic, publisher=others + node.name)
@@ -226,6 +227,7 @@ ARRAY_NODES = tuple(node.name for node in ARRAY_GRAPH)
 DRIVE_NODES = ("antenna_servo", *STATION_NODES)
 """Executables of a station whose drive is a device; its receiver is its own."""
 RECEIVER_NODES = tuple(node.name for node in RECEIVER_GRAPH)
+DESIGNATE = DESIGNATE_GRAPH[0].name
 MOVES = ("simulation_clock", "antenna_servo", "rf_receiver", "array_receiver")
 """Nodes that move the antenna and receive meanwhile: the first of two processes."""
 APART = (ALARMS, EXECUTIVE, ROTCTLD, RADIO, OPERATOR_PAGE, *RECEIVER_NODES)

@@ -8,7 +8,7 @@ from typing import Any
 
 from rclpy.action import ActionClient
 from rf_pointing_msgs.action import TrackPass
-from rf_pointing_msgs.msg import PassCertificate
+from rf_pointing_msgs.msg import PassCertificate, PassList
 
 from rf_pointing.core.pass_outcome import gaussian_loss_db
 from rf_pointing.ephemeris import Pass
@@ -21,6 +21,8 @@ from rf_pointing.ros.station_run import GraphRun, StationRun
 LOG_PERIOD_S = 10.0
 CERTIFICATE_S = 40.0
 """How long to wait until an accepted goal is certified or refused."""
+REPORTS_S = 3600.0
+"""How long to wait for a target that is led to by reports."""
 LARGE_RAD = math.radians(0.1)
 """An error on the sky is shown in degrees from here on, and from a beamwidth on."""
 BAR = 24
@@ -119,6 +121,17 @@ class LivePass:
 
     def _note_certificate(self, message: PassCertificate) -> None:
         self._certificate = message
+
+
+def track_designated(run: StationRun, sensor: str) -> TrackPass.Result:
+    """Bring the graph up, wait for the designated target, track it, and return what that gave."""
+    live, seen = LivePass(run), []
+    run.node.create_subscription(PassList, "passes", lambda message: seen.append(message.target), LATCHED)
+    run.bring_up(live.client)
+    run.run_time()
+    run.say("waits for two reports of the target that agree")
+    run.waiting.until(lambda: seen, "the designated target not seen", REPORTS_S)
+    return live.result(live.begin(TrackPass.Goal(satellite=seen[-1], sensor=sensor)))
 
 
 def track_pass(run: StationRun, window: Pass, sensor: str) -> TrackPass.Result:

@@ -26,7 +26,7 @@ from rclpy.action import ActionClient
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rf_pointing_msgs.action import RunSchedule, TrackPass
 from rf_pointing_msgs.msg import AntennaStatus, ExecutiveStatus, PassList, Schedule, TrackingStatus
-from rf_pointing_msgs.srv import ChangeSchedule, GoTo, Jog, Named, PermitSun
+from rf_pointing_msgs.srv import ChangeSchedule, GoTo, Jog, Named, PermitSun, SelectTarget
 from std_srvs.srv import Trigger
 
 from rf_pointing.core.dates import utc_text
@@ -215,7 +215,7 @@ class StationClient(GraphRun):
 
     def _jog(self, wanted: Iterable[str], *, fast: bool) -> bool:
         name = f"{OWNER}/jog"
-        caller = Caller(self.node, CommandKey(CommandKeyParams(command_key_file=self._key())))
+        caller = Caller(self.node, CommandKey(CommandKeyParams(command_key_file=self.key())))
         client = caller.client(Jog, name)
         self.until(client.service_is_ready, name)
         for word in wanted:
@@ -391,7 +391,7 @@ class StationClient(GraphRun):
         return bool(answer.success)
 
     def _call(self, kind: Any, name: str, request: Any) -> Any:
-        caller = Caller(self.node, CommandKey(CommandKeyParams(command_key_file=self._key() if name in LEASED else "")))
+        caller = Caller(self.node, CommandKey(CommandKeyParams(command_key_file=self.key() if name in LEASED else "")))
         client = caller.client(kind, name)
         self.waiting.pause(TAKEN_UP_S)
         self.until(client.service_is_ready, name)
@@ -404,7 +404,13 @@ class StationClient(GraphRun):
         found = self._call(GetParameters, f"{node}/get_parameters", GetParameters.Request(names=[name]))
         return parameter_value_to_python(found.values[0]) if found.values else None
 
-    def _key(self) -> str:
+    def select(self, target: str) -> None:
+        """Make a target that of the ephemeris, so that its receivers know what to expect."""
+        answer = self._call(SelectTarget, "ephemeris_publisher/select_target", SelectTarget.Request(target=target))
+        if not answer.success:
+            raise ValueError(answer.message)
+
+    def key(self) -> str:
         """Return the file of the antenna's key, "" where this user or computer has none."""
         if self._given_key is not None:
             return str(self._given_key)

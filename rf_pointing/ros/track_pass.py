@@ -1,7 +1,8 @@
 """The actions `track_pass` and `scan`, and what the goals send (the port of `PassGoals`).
 
 Publishes: joint_trajectory, command_signature, tracking_status, pass_certificate.  Calls
-ephemeris_publisher/select_target for a pass by satellite and time.
+ephemeris_publisher/select_target for a pass by satellite and time, target_designate/select_target
+for a target that reports lead to.
 """
 
 import time
@@ -20,7 +21,7 @@ from rf_pointing.ephemeris import Pass
 from rf_pointing.planning import Certificate
 from rf_pointing.ros import convert, convert_planning
 from rf_pointing.ros.convert_goals import goal_from_message, goal_of_scan
-from rf_pointing.ros.graph import STATION_IN_USE
+from rf_pointing.ros.graph import DESIGNATE, STATION_IN_USE
 from rf_pointing.ros.managed import ManagedNode
 from rf_pointing.ros.qos import IN_USE, LATCHED, STREAM
 from rf_pointing.ros.repeated_call import RepeatedCall
@@ -50,7 +51,10 @@ class TrackPassServer:
         self._node = node
         self._goals: Any = None
         self._handle: Any = None
-        self._ephemeris = node.create_client(SelectTarget, "ephemeris_publisher/select_target")
+        self._finders = {
+            designated: node.create_client(SelectTarget, f"{owner}/select_target")
+            for designated, owner in ((False, "ephemeris_publisher"), (True, DESIGNATE))
+        }
         self._kind: Any = TrackPass
         served = (TrackPass, "track_pass", goal_from_message), (Scan, "scan", goal_of_scan)
         for kind, name, read in served:
@@ -107,7 +111,7 @@ class TrackPassServer:
         return self._census.difference(self._node)
 
     def find(self, goal: PassGoal, from_s: float) -> PassCall:
-        return PassCall(self._ephemeris, SelectTarget.Request(
+        return PassCall(self._finders[goal.designated], SelectTarget.Request(
             target=goal.satellite, start=stamp_from_seconds(from_s),
             minimum_peak_elevation=goal.minimum_peak_elevation_rad,
         ))  # fmt: skip

@@ -4,12 +4,14 @@ import json
 import math
 import re
 
+import numpy as np
 import pytest
 from sgp4 import omm
 from sgp4.api import Satrec
 
 from rf_pointing.core.whole_file import DEEPEST
-from rf_pointing.ephemeris import Elements, read_elements, tle_lines
+from rf_pointing.ephemeris import Elements, read_elements, tle_lines, verification_elements
+from rf_pointing.ephemeris.element_messages import omm_text, read_omm_kvn
 
 FIELDS = {
     "OBJECT_NAME": "CBERS 2",
@@ -273,3 +275,12 @@ def test_xml_is_read_to_its_bound_of_depth_and_with_its_comments() -> None:
     for declared in ("<!DOCTYPE ndm>", '<!ENTITY x "y">'):
         with pytest.raises(ValueError, match="OMM XML must not define entities or a document type"):
             read_elements(as_xml(FIELDS).replace("<ndm>", declared + "<ndm>"))
+
+
+def test_elements_come_back_from_a_written_message() -> None:
+    for one in verification_elements():
+        (found,) = read_omm_kvn(omm_text(one, originator="TEST", created_t_s=0.0))
+        assert isinstance(found, Elements), found
+        assert (found.name, found.catalogue_number) == (one.name, one.catalogue_number)
+        ours, wanted = (np.array(each.satrec().sgp4_tsince(60.0)[1]) for each in (found, one))
+        assert np.linalg.norm(ours - wanted) < 1e-4

@@ -10,7 +10,7 @@ import pytest
 from skyfield.api import EarthSatellite, load
 from skyfield.framelib import itrs
 
-from rf_pointing.core import MDEG, angular_distance_rad
+from rf_pointing.core import MDEG, angular_distance_rad, random_stream
 from rf_pointing.core.dates import from_utc_text, utc_text
 from rf_pointing.ephemeris import (
     Elements,
@@ -22,7 +22,7 @@ from rf_pointing.ephemeris import (
     orientation_sigma_rad,
     sun,
 )
-from rf_pointing.ephemeris.oem import tai_from_text
+from rf_pointing.ephemeris.oem import StateCovariance, tai_from_text
 from rf_pointing.ephemeris.source import SourceParams, load_elements, load_track
 from test.ephemeris.conftest import AssumedOrientation
 from test.ephemeris.oem_text import START_T_S, STEP_S, TIMES, read_oem, teme_states, text_of
@@ -397,3 +397,21 @@ def test_two_states_are_a_segment_and_one_is_none() -> None:
     stop = utc_text(TIMES[0] + 1.0)
     with pytest.raises(ValueError, match="OEM segment of CBERS 2 has 1 states, must have 2 or more"):
         read_oem(text_of([state], times=TIMES[:1], STOP_TIME=stop, **meta))
+
+
+def test_covariances_come_back_from_a_written_message(cbers: Elements) -> None:
+    (segment,) = read_oem(text_of(teme_states(cbers)))
+    root = random_stream(3, "covariance").standard_normal((6, 6)) * np.array([100.0] * 3 + [0.1] * 3)[:, np.newaxis]
+    block = StateCovariance(float(segment.tai_s[3]), "RTN", root @ root.T)
+    text = oem_text(
+        OemTarget([segment]),
+        "X",
+        float(TIMES[2]),
+        float(TIMES[-3]),
+        originator="TEST",
+        created_t_s=0.0,
+        covariances=[block],
+    )
+    (found,) = read_oem(text)[0].covariances
+    assert (found.tai_s, found.frame) == (block.tai_s, "RTN")
+    assert np.allclose(found.matrix, block.matrix, rtol=1e-8, atol=1e-12)

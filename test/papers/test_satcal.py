@@ -2,8 +2,6 @@ import numpy as np
 import pytest
 
 from rf_pointing.core import random_stream
-from rf_pointing.papers.orbit.measurements import visits
-from rf_pointing.papers.orbit.motion import Gravity
 from rf_pointing.papers.satcal_campaign import (
     APRIL_T_S,
     IRS_P3_APRIL,
@@ -14,6 +12,8 @@ from rf_pointing.papers.satcal_campaign import (
     orbit_error_m,
     points_of,
 )
+from rf_pointing.papers.satcal_looks import visits
+from rf_pointing.papers.satcal_motion import Gravity
 
 
 @pytest.fixture(scope="module")

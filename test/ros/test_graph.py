@@ -8,6 +8,7 @@ import pytest
 from rf_pointing.report.topics import TOPICS as REPORTED
 from rf_pointing.ros.graph import (
     ARRAY_GRAPH,
+    DESIGNATE_GRAPH,
     ESSENTIAL,
     EXECUTIVE,
     GRAPH,
@@ -51,7 +52,7 @@ def test_a_topic_is_the_same_whoever_publishes_it() -> None:
             continue
         found = [
             (node.name, row)
-            for node in (*GRAPH, *ARRAY_GRAPH, *RECEIVER_GRAPH)
+            for node in (*GRAPH, *ARRAY_GRAPH, *RECEIVER_GRAPH, *DESIGNATE_GRAPH)
             for row in node.topics
             if row.name == topic.name
         ]

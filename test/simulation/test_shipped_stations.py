@@ -20,7 +20,7 @@ from rf_pointing.tracking.sensors import SENSOR_CHOICES
 
 ACQUIRED_S = 25.0
 # Mean loss that each station may have over the pass, dB: a scan costs 0.1.
-LOSS_DB = {"dss13": 0.05, "leo_3m7": 0.2, "rotator_2m": 0.2, "vhf_uhf_yagi": 0.3}
+LOSS_DB = {"dss13": 0.05, "geo_7m": 0.3, "leo_3m7": 0.2, "rotator_2m": 0.2, "vhf_uhf_yagi": 0.3}
 
 
 class Flight(NamedTuple):
@@ -107,7 +107,7 @@ def test_program_track_in_s_band_with_elements_half_a_second_wrong_loses_what_th
     assert 0.02 < flight.mean_loss_db() < 0.3
 
 
-AUTO = {"dss13": "auto", "leo_3m7": "conscan", "rotator_2m": "steptrack", "vhf_uhf_yagi": ""}
+AUTO = {"dss13": "auto", "geo_7m": "conscan", "leo_3m7": "conscan", "rotator_2m": "steptrack", "vhf_uhf_yagi": ""}
 """What `auto` means on each; "" where nothing can track."""
 
 

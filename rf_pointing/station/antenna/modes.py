@@ -52,6 +52,10 @@ OPERATED = {
 """Requests without arguments, by service and method: the word of `station`, and its help."""
 
 
+RELEASE, BRAKE = "resume", "disable"
+"""Requests that leave a rest, and that set the brakes where the antenna is."""
+
+
 class Request(StrEnum):
     """Request of an operator or a commander."""
 

@@ -14,6 +14,7 @@ from rf_pointing.calibration import BiasModel
 from rf_pointing.core import JointReading, JointTrajectory
 from rf_pointing.core.dates import utc_text
 from rf_pointing.core.pass_outcome import SCANNED
+from rf_pointing.core.signals import DESIGNATED
 from rf_pointing.ephemeris import Pass
 from rf_pointing.planning import Certificate
 from rf_pointing.station.pointing.certificates import StoreParams, store_certificate
@@ -21,6 +22,7 @@ from rf_pointing.station.pointing.controller import PointingController
 from rf_pointing.station.pointing.params import ControllerParams
 from rf_pointing.station.pointing.status import Level, Report, TrackingStatus
 from rf_pointing.tracking.scan_program import ScanProgramParams
+from rf_pointing.tracking.sensors import SENSOR_CHOICES, sensors_of
 
 FEEDBACK_S = 5.0
 """Node time between two feedbacks of one mode and level; `tracking_status` has every period."""
@@ -29,6 +31,8 @@ LONGEST_WAIT_S = 0.05
 """Wall time that a period waits for what it should use; commands start after 0.1 s."""
 PATIENCE_WALL_S = 30.0
 """Wall time that a goal waits for its pass or certificate, also while simulated time is held."""
+LONGEST_SCANNED_S = 20.0 * 3600.0
+"""Longest pass that is scanned: the Moon sets, a geostationary satellite does not."""
 NEAR_S = 3600.0
 """How far from the requested time a pass may lie: less than an orbit."""
 
@@ -46,6 +50,11 @@ class PassGoal:
     minimum_peak_elevation_rad: float = 0.0
     sensor: str = ""
     scan: ScanProgramParams | None = None
+
+    @property
+    def designated(self) -> bool:
+        """Whether reports lead to the target, and no orbit."""
+        return self.satellite.split(" ")[0] == DESIGNATED
 
     def search_from_s(self, now_s: float) -> float:
         """Return the time from which passes of the satellite are looked for, 0 for now."""
@@ -178,7 +187,8 @@ class PassGoals:
         # A node that is started with this one, or again, may be there a moment later.
         elif (waited_s := wall_s - self._begun_wall_s) > PATIENCE_WALL_S:
             why = "does not answer" if search.made else "is not active"
-            self.refuse(f"no pass of {goal.satellite!r} is known: ephemeris_publisher {why}, waited {waited_s:.0f} s")
+            who = "target_designate" if goal.designated else "ephemeris_publisher"
+            self.refuse(f"no pass of {goal.satellite!r} is known: {who} {why}, waited {waited_s:.0f} s")
 
     def _require_fit(self) -> None:
         """ValueError where no pass can be tracked now."""
@@ -194,7 +204,13 @@ class PassGoals:
         self.window = window
         try:
             self._read_joints(t_s)
-            self.controller.start(t_s, window, self._sensor_of(self._goal.sensor), self._goal.scan)
+            sensor = self._sensor_of(self._goal.sensor)
+            if window.duration_s > LONGEST_SCANNED_S and any(each.scans for each in sensors_of(SENSOR_CHOICES[sensor])):
+                raise ValueError(
+                    f"this pass of {window.name} lasts {window.duration_s / 3600.0:.1f} h, and {sensor} would turn the "
+                    "antenna all the time: `station service` holds what never sets"
+                )
+            self.controller.start(t_s, window, sensor, self._goal.scan)
         finally:
             self._show_certificate()
 
@@ -309,6 +325,7 @@ class PassGoals:
         self._read_joints(t_s - core.params.pointing.period_s)
         busy = core.busy
         trajectory, status = core.step(t_s)
+        self.window = core.window or self.window if busy else self.window
         self._show_certificate()
         self._port.publish(t_s, trajectory, status)
         was, self._alarm = self._alarm, (status.level, status.alarm)

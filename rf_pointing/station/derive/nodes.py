@@ -12,7 +12,6 @@ from rf_pointing.core.modes import Sensor
 from rf_pointing.core.parameters import flat
 from rf_pointing.planning.horizon import HorizonMask
 from rf_pointing.station import parameters as own
-from rf_pointing.station.derive import axes
 from rf_pointing.station.derive.band import Band, Derived, nearest_within, pass_elevation_deg
 from rf_pointing.station.description.content import (
     VERSION,
@@ -38,7 +37,7 @@ def antenna_servo(of: Band) -> Derived:
     """The antenna's control unit, and the truth of a simulated one."""
     from rf_pointing.station.antenna.operation import ServoNodeParams
     from rf_pointing.station.antenna.simulated_antenna import AntennaParams
-    from rf_pointing.station.derive import watches
+    from rf_pointing.station.derive import axes, watches
     from rf_pointing.station.derive.plants import plant_and_loops
 
     simulation = of.content.simulation
@@ -81,7 +80,7 @@ def antenna_servo(of: Band) -> Derived:
 
 def pointing_controller(of: Band) -> Derived:
     """The pointing controller."""
-    from rf_pointing.station.derive import array, loop, watches
+    from rf_pointing.station.derive import array, axes, loop, watches
     from rf_pointing.station.derive.signal import link
     from rf_pointing.station.pointing.certificates import StoreParams
     from rf_pointing.station.pointing.params import ControllerParams
@@ -118,6 +117,7 @@ def ephemeris_publisher(of: Band) -> Derived:
     """The target as the station predicts it; its passes and their horizon."""
     from rf_pointing.ephemeris.source import SourceParams
     from rf_pointing.ephemeris.uncertainty import ElementUncertainty
+    from rf_pointing.station.derive import axes
     from rf_pointing.station.pointing.predicted_target import PublisherParams
 
     begin = Value(pass_elevation_deg(of.content), "mount.pass_elevation_deg")
@@ -129,10 +129,26 @@ def ephemeris_publisher(of: Band) -> Derived:
     )  # fmt: skip
 
 
+def target_designate(of: Band) -> Derived:
+    """Targets without an orbit, as others report them."""
+    from rf_pointing.ephemeris.sites import Site
+    from rf_pointing.station.derive import axes
+    from rf_pointing.station.designated.target import DesignateParams
+
+    begin = Value(pass_elevation_deg(of.content), "mount.pass_elevation_deg")
+    at_origin = Site.from_degrees(0.0, 0.0, 0.0)
+    return Derived(
+        {"designate": DesignateParams(), "site": at_origin, "mask": HorizonMask()},
+        {"site": axes.site(of), "mask": axes.mask(of), "designate": {"mask_deg": begin}},
+        ("designate.",),
+    )
+
+
 def rf_receiver(of: Band) -> Derived:
     """The simulated receiver, and where the satellite really is."""
     from rf_pointing.ephemeris.source import SourceParams
     from rf_pointing.station.antenna.receiver import SignalParams
+    from rf_pointing.station.derive import axes
     from rf_pointing.station.derive.signal import signal
 
     offset = Value(of.content.simulation.along_track_offset_s, "simulation.along_track_offset_s")
@@ -255,6 +271,7 @@ def radio_control(of: Band) -> Derived:
     from rf_pointing.drives.line_server import ServerParams
     from rf_pointing.ephemeris.solar import SunParams
     from rf_pointing.planning.gate import GateParams
+    from rf_pointing.station.derive import axes
     from rf_pointing.station.radio.inhibit import InhibitParams
 
     sets = {
@@ -281,7 +298,8 @@ NODES: Mapping[str, Callable[[Band], Derived]] = {
     # The node of a tracker is named in the row of its sensors.
     SENSORS[Sensor.STEPTRACK].node if each is carrier_tracker else each.__name__: each
     for each in (
-        antenna_servo, pointing_controller, ephemeris_publisher, rf_receiver, monopulse_tracker, carrier_tracker,
+        antenna_servo, pointing_controller, ephemeris_publisher, target_designate, rf_receiver,
+        monopulse_tracker, carrier_tracker,
         signal_source, signal_receiver,
         array_receiver, array_tracker, station_executive, station_alarms, bias_calibrator, operator_page, rotctld_server,
         radio_control, simulation_clock, station_description,

@@ -77,6 +77,7 @@ class PointingController:
         self._stopping, self._sensor = "", Sensor.PROGRAM.value
         self._started_s, self._stepped_s, self._returning = -math.inf, -math.inf, False
         self._alarm: tuple[Level, str] = Level.OK, ""
+        self._renewed = False
         self.model_doubt = ""
         self.statistics = PassStatistics()
 
@@ -84,6 +85,11 @@ class PointingController:
     def busy(self) -> bool:
         """Whether a pass is being tracked, or waited for at its start."""
         return self._pass is not None
+
+    @property
+    def window(self) -> Pass | None:
+        """The pass in hand, as far as it is certified by now."""
+        return self._pass
 
     @property
     def stopping(self) -> bool:
@@ -254,12 +260,16 @@ class PointingController:
 
     def step(self, t_s: float) -> tuple[JointTrajectory | None, TrackingStatus]:
         """Return the trajectory of `t_s`, None when nothing is commanded, and the status."""
-        window, doubted = self._pass, self.antenna.state.doubt
+        doubted = self.antenna.state.doubt
         axes = self.antenna.step(t_s, self._motion.axes)
-        if window is None:
+        if self._pass is None:
             return None, self._status(t_s, self._mode.fresh_error(t_s))
+        if self._renewed:
+            self._extend(t_s, self._pass)
+        window = self._pass
         if not self._stopping and t_s >= window.los_t_s:
-            self._stopping = LOSS_OF_SIGNAL
+            beyond = self.plan.beyond
+            self._stopping = f"no certificate beyond this time: {beyond}" if beyond else LOSS_OF_SIGNAL
         elif not self._stopping and axes.fault:
             self._stopping = self.statistics.fault = axes.fault
         elif not self._stopping and self._scans.program and t_s >= self.corrections.scan_end_s:
@@ -280,6 +290,19 @@ class PointingController:
         if self._stopping:
             return self._finish(t_s)
         return trajectory, self._status(t_s, error)
+
+    def take_profiles(self, profiles: list[PassProfile]) -> None:
+        """Replace the profiles of the coming passes; one may lead on the pass in hand."""
+        self.plan.take_profiles(profiles)
+        self._renewed = True
+
+    def _extend(self, t_s: float, window: Pass) -> None:
+        """Make the pass in hand longer where its target is predicted further and certified."""
+        axes, self._renewed = self._motion.axes, False
+        if axes is None or self._turns_rad is None or self._stopping or self._scans.program:
+            return
+        averaging_s, cost = self.params.pointing.lag_averaging_s, partial(self._cost, self._sensor, window)
+        self._pass = self.plan.extended(t_s, window, axes, self._motion.model, averaging_s, cost)
 
     def _motion_word(self) -> str:
         """Return what the safety gate calls the motion of the mode."""
@@ -472,5 +495,6 @@ class PointingController:
             return Level.WARN, f"{state.mode}: {state.reason}"
         silent_s = self._motion.targets_late_s(t_s)
         if silent_s > 0.0:
-            return Level.WARN, f"no target for {silent_s:.1f} s: the pass goes on with what was predicted before"
+            since = f"for {silent_s:.1f} s" if math.isfinite(silent_s) else "yet"
+            return Level.WARN, f"no target {since}: the pass goes on with what was predicted before"
         return Level.OK, ""

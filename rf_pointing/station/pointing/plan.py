@@ -9,12 +9,14 @@ import numpy as np
 
 from rf_pointing.calibration import BiasModel
 from rf_pointing.controllers import CommandPreprocessor, CommandPreprocessorParams
-from rf_pointing.core import JointReading, Motion
+from rf_pointing.core import AXES, JointReading, Motion, nearest_turn_rad
+from rf_pointing.core.signals import DESIGNATED
 from rf_pointing.core.types import Array, Pair
 from rf_pointing.ephemeris import Pass
 from rf_pointing.ephemeris.solar import SolarDirection, SunPermit
 from rf_pointing.planning import (
     AxisLimits,
+    Branch,
     Certificate,
     CornerPath,
     Gate,
@@ -130,6 +132,9 @@ class PassPlan:
         self._meeting = NO_MEETING
         self.permit: SunPermit | None = None
         """Permission that the pass needs."""
+        self.beyond = ""
+        """Why the pass does not go on beyond its certificate."""
+        self._judged: PassProfile | None = None
 
     def choose(
         self,
@@ -154,11 +159,31 @@ class PassPlan:
         if profile is None:
             raise ValueError(f"this pass of {window.name} has no profile")
         self._check_sun(profile)
-        self.profile = profile.resampled()
-        azimuth, elevation = joints.position_rad.tolist()
+        led = window.name.startswith(DESIGNATED)
+        self.profile, self._judged = profile.resampled(), profile
+        self.certificate, hint = self._certified(
+            t_s, profile, joints, model, lag_averaging_s, cost, direct=direct or led
+        )
+        branch = self.certificate.chosen
+        if branch is None:
+            raise ValueError(self.certificate.reason + hint)
+        if led:
+            branch = followed(self.certificate, branch.turns)
+            if branch is None or (impossible := self._impossible(branch, t_s, profile)):
+                raise ValueError(impossible if branch else "the azimuth would have to unwind on the way")
+        # Without a slew to its start the branch is as good as none.
+        self.approach(t_s, joints, np.array(branch.start_rad))
+        self.course = TrackingBranch(branch)
+
+    def _certified(
+        self, t_s: float, profile: PassProfile, joints: JointReading, model: BiasModel,
+        lag_averaging_s: float, cost: Callable[[PassProfile], SensorCost] | None, *, direct: bool,
+    ) -> tuple[Certificate, str]:  # fmt: skip
+        """Return the certificate of a profile, and a hint where a permission of the Sun helps."""
         machine, permit = self.machine, self.sun.permitted(t_s)
-        ahead = self.profile.t_s >= t_s
-        apart = angle_between(self.profile.position_rad[ahead], self.profile.sun_rad[ahead])
+        fine = profile.resampled()
+        ahead = fine.t_s >= t_s
+        apart = angle_between(fine.position_rad[ahead], fine.sun_rad[ahead])
         near = bool(np.any(apart < machine.sun_radius_rad + SUN_CLEARANCE_RAD))
         if near and permit is not None:
             machine, self.permit = machine.replace(sun_radius_rad=0.0), permit
@@ -167,22 +192,81 @@ class PassPlan:
             limits=self._limits.direct() if direct else self._limits, gate=self._gate_params,
             lag_averaging_s=lag_averaging_s,
         )  # fmt: skip
+        azimuth, elevation = joints.position_rad.tolist()
         slew = partial(self.gate.slew, sun_rad=self.sun.avoided(t_s))
-        self.certificate = certificate_of(
-            profile,
-            rules,
-            t_s,
-            (azimuth, elevation),
-            slew=slew,
+        certificate = certificate_of(
+            profile, rules, t_s, (azimuth, elevation), plunge_allowed=not direct, slew=slew,
             cost=cost(profile) if cost else None,
+        )  # fmt: skip
+        return certificate, "" if permit or not near else "; `station permit-sun` allows the Sun, once"
+
+    def _impossible(self, branch: Branch, t_s: float, profile: PassProfile) -> str:
+        """Return why axes of this rate cannot follow enough of what is predicted, "" if they can.
+
+        Of an orbit whatever is left of a pass is worth having; a rocket near its pad would drag
+        the antenna behind it.
+        """
+        # The crossing of a certificate knows slow azimuths only; here either axis may be too slow.
+        fine = profile.resampled()
+        assert branch.axes_rad is not None
+        ahead = fine.t_s >= t_s
+        positions, step_s = branch.axes_rad[ahead], float(fine.t_s[1] - fine.t_s[0])
+        most = np.array(self.machine.axes.rate_rad_s)
+        behind = np.zeros_like(positions)
+        for row, moved in enumerate(np.diff(positions, axis=0), start=1):
+            left = behind[row - 1] + moved
+            behind[row] = left - np.clip(left, -most * step_s, most * step_s)
+        behind[:, 0] *= np.cos(positions[:, 1])
+        off = np.hypot(*behind.T) > 0.5 * self.machine.half_power_beamwidth_rad
+        lost_s, left_s = step_s * int(off.sum()), step_s * len(off)
+        if lost_s <= (1.0 - self.machine.least_share) * left_s:
+            return ""
+        needed = np.degrees(np.max(np.abs(np.diff(positions, axis=0)), axis=0)) / step_s
+        axis = int(np.argmax(needed / most))
+        return (
+            f"{lost_s:.0f} s of the next {left_s:.0f} s would be lost: the target needs {needed[axis]:.1f} deg/s "
+            f"of {AXES[axis]}, the axis turns at {math.degrees(most[axis]):.1f} deg/s"
         )
-        branch = self.certificate.chosen
+
+    def extended(
+        self, t_s: float, window: Pass, joints: JointReading, model: BiasModel,
+        lag_averaging_s: float, cost: Callable[[PassProfile], SensorCost],
+    ) -> Pass:  # fmt: skip
+        """Return the pass in hand, longer where its target is predicted further by now.
+
+        What is new needs a certificate on the turn of the pass; without one the pass ends where it
+        is certified to, and `beyond` says why.
+        """
+        found = next((each for each in self._profiles if each.name == window.name), None)
+        if found is None or found is self._judged or not self.course.direct or self.profile is None:
+            return window
+        if not found.t_s[0] <= t_s < window.los_t_s < found.t_s[-1]:
+            return window
+        # Judged once, whatever comes of it: the next one comes within seconds.
+        self._judged = found
+        # What is behind needs no certificate any more.
+        piece = found.between(t_s, float(found.t_s[-1]))
+        # On the turn of the pass in hand, however often the target has gone round the station.
+        before = float(np.interp(t_s, self.profile.t_s, self.profile.position_rad[:, 0]))
+        first = float(piece.position_rad[0, 0])
+        shift = nearest_turn_rad(first, before) - first
+        piece = replace(piece, position_rad=piece.position_rad + np.array([shift, 0.0]))
+        certificate, _ = self._certified(t_s, piece, joints, model, lag_averaging_s, cost, direct=True)
+        turns = round(self.course.turns_rad / math.tau)
+        branch = followed(certificate, turns)
         if branch is None:
-            hint = "" if permit or not near else "; `station permit-sun` allows the Sun, once"
-            raise ValueError(self.certificate.reason + hint)
-        # Without a slew to its start the branch is as good as none.
-        self.approach(t_s, joints, np.array(branch.start_rad))
-        self.course = TrackingBranch(branch)
+            self.beyond = "the azimuth would have to unwind"
+        else:
+            self.beyond = "; ".join(branch.reasons) or self._impossible(branch, t_s, piece)
+        if branch is None or self.beyond:
+            return window
+        self.certificate = replace(certificate, aos_t_s=window.aos_t_s, branches=(branch,))
+        self.profile = piece.resampled()
+        azimuth = piece.position_rad[:, 0]
+        return replace(
+            window, los_t_s=float(piece.t_s[-1]), azimuth_min_rad=float(azimuth.min()),
+            azimuth_max_rad=float(azimuth.max()), los_azimuth_rad=float(azimuth[-1]),
+        )  # fmt: skip
 
     def approach(self, t_s: float, axes: JointReading, goal_rad: Array) -> Array | None:
         """Return the corner (2,) of the slew to a goal, None for a straight one; encoder angles.
@@ -307,3 +391,15 @@ class PassPlan:
 
     def _path(self, corners: Sequence[Pair] = ()) -> CornerPath:
         return CornerPath(corners, near_rad=self._near_rad, rest_rad_s=REST_RAD_S)
+
+
+def followed(certificate: Certificate, turns: int) -> Branch | None:
+    """Return the branch that follows the target on a turn and never leaves it, None without one.
+
+    A crossing of the zenith is not planned for a target that may turn before it.
+    """
+    for branch in certificate.branches:
+        stopped = branch.crossing is not None and branch.crossing.at_stop
+        if branch.turns == turns and not (branch.plunge or branch.over or stopped):
+            return replace(branch, crossing=None)
+    return None

@@ -12,6 +12,7 @@ from rf_pointing import ephemeris
 from rf_pointing.core import Params, Target, parameter
 from rf_pointing.core.dates import DAY_S, utc_text
 from rf_pointing.core.parameters import leaves
+from rf_pointing.core.signals import DESIGNATED
 from rf_pointing.ephemeris import (
     ElementUncertainty,
     Pass,
@@ -75,6 +76,7 @@ class PredictedTarget:
         self._weather: dict[str, float] = {}
         self._weather_s = math.inf
         self._attitude: SatelliteAntennaParams | None = None
+        self._quiet = False
 
     def begin(self, now_s: float) -> str:
         """Find the passes; return "" or why there is no pass, where another target may have one."""
@@ -95,7 +97,7 @@ class PredictedTarget:
             source = source.replace(satellite=target, hold=False)
             track = load_track(source)
         self._choose(track, start_s, peak_rad)
-        self.source = source
+        self.source, self._quiet = source, False
         self._keep()
         return self.passes
 
@@ -103,7 +105,7 @@ class PredictedTarget:
         """Return what is published at `now_s`, None between passes and while it is unknown."""
         # Whole microseconds, as stamps are: the target is that of its own stamp.
         t_s = round(now_s + self.params.lead_s, 6)
-        if not (self._near_a_pass(t_s, self.params.margin_s) and self.track.covers(t_s)):
+        if self._quiet or not (self._near_a_pass(t_s, self.params.margin_s) and self.track.covers(t_s)):
             return None
         try:
             target = self.track.target_at(t_s)
@@ -147,6 +149,10 @@ class PredictedTarget:
         self.set(self.source.replace(**TargetOffsets(**offsets).offsets), now_s)
         return f"offsets: {self.source.offsets_text or 'none'}"
 
+    def yield_to(self, target: str) -> None:
+        """Publish nothing until a selection while another node publishes this target."""
+        self._quiet = self._quiet or target.startswith(DESIGNATED)
+
     def take_weather(self, name: str, value: float, now_s: float) -> None:
         """Note a measured temperature_k, pressure_hpa or relative_humidity."""
         self._weather[name], self._weather_s = value, now_s
@@ -162,7 +168,7 @@ class PredictedTarget:
         """
         self._use_weather(now_s)
         self._use_attitude(now_s)
-        if not self.updates.changed() or self.source.hold:
+        if self._quiet or not self.updates.changed() or self.source.hold:
             return "", False
         if self._near_a_pass(now_s, self.params.margin_s + self.params.lead_s + RENEWAL_S):
             return "", False

@@ -3,9 +3,9 @@ import math
 import numpy as np
 import pytest
 
-from rf_pointing.papers.orbit.batch import Arc, fit_orbit, preliminary_orbit, starting_state, times_of
-from rf_pointing.papers.orbit.measurements import Elements, look
-from rf_pointing.papers.orbit.motion import Gravity, Site, propagate
+from rf_pointing.papers.satcal_batch import Arc, fit_orbit, preliminary_orbit, starting_state, times_of
+from rf_pointing.papers.satcal_looks import look
+from rf_pointing.papers.satcal_motion import Elements, Gravity, Site, propagate
 
 EPOCH, GRAVITY = 827385062.07, Gravity()
 MAURITIUS = Site(name="Mauritius", latitude_rad=math.radians(-20.34), longitude_rad=math.radians(57.45))

@@ -5,8 +5,18 @@ import numpy as np
 import pytest
 
 from rf_pointing.core.constants import EARTH_MU_M3_S2, EARTH_RADIUS_M
-from rf_pointing.papers.orbit.measurements import Elements, look, measured, partials, secular_states, visits
-from rf_pointing.papers.orbit.motion import Gravity, Site, propagate, sidereal_angle_rad, to_earth_fixed, to_inertial
+from rf_pointing.orbit.forces import sidereal_angle_rad
+from rf_pointing.papers.satcal_looks import look, secular_states, visits
+from rf_pointing.papers.satcal_motion import (
+    Elements,
+    Gravity,
+    Site,
+    measured,
+    partials,
+    propagate,
+    to_earth_fixed,
+    to_inertial,
+)
 
 MAURITIUS = Site(name="Mauritius", latitude_rad=math.radians(-20.34), longitude_rad=math.radians(57.45), height_m=50.0)
 EPOCH, GRAVITY = 827385062.07, Gravity()

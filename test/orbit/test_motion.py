@@ -7,19 +7,10 @@ import numpy as np
 import pytest
 
 from rf_pointing.core.constants import EARTH_MU_M3_S2, EARTH_RADIUS_M
-from rf_pointing.papers.orbit.batch import Arc, fit_orbit
-from rf_pointing.papers.orbit.measurements import Elements, look
-from rf_pointing.papers.orbit.motion import (
-    EARTH_RATE_RAD_S,
-    MOON_MU_M3_S2,
-    SUN_MU_M3_S2,
-    Disturbances,
-    Gravity,
-    Site,
-    moon_m,
-    propagate,
-    sun_m,
-)
+from rf_pointing.orbit.forces import EARTH_RATE_RAD_S, MOON_MU_M3_S2, SUN_MU_M3_S2, Disturbances, moon_m, sun_m
+from rf_pointing.papers.satcal_batch import Arc, fit_orbit
+from rf_pointing.papers.satcal_looks import look
+from rf_pointing.papers.satcal_motion import Elements, Gravity, Site, propagate
 
 EPOCH = 827385062.07
 ROUND = Gravity(j2=0.0, j3=0.0, j4=0.0)

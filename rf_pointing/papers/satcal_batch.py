@@ -23,12 +23,14 @@ from rf_pointing.core import (
     wrap_rad,
 )
 from rf_pointing.core.types import Array
-from rf_pointing.papers.orbit.measurements import KINDS, measured, partials
-from rf_pointing.papers.orbit.motion import (
-    Disturbances,
+from rf_pointing.orbit.forces import Disturbances
+from rf_pointing.orbit.measurements import KINDS
+from rf_pointing.papers.satcal_motion import (
     Gravity,
     Site,
     Trajectory,
+    measured,
+    partials,
     propagate,
     to_inertial,
 )

@@ -1,0 +1,1 @@
+"""Orbits from measurements: forces, batch and square-root estimates, and what could be known."""

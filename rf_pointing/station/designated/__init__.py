@@ -1,0 +1,1 @@
+"""Targets that reports lead to, as a station follows them."""
