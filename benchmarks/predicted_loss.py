@@ -26,12 +26,17 @@ CASES = (
 LEAD_S = 150.0
 """Time before the pass for the slew to its start."""
 CLUSTER_S = 0.1
+FRESH = {f"uncertainty.{name}": 0.0 for name in (
+    "along_growth_m_s", "along_drag_m_s2", "cross_growth_m_s", "radial_growth_m_s",
+)}  # fmt: skip
+"""The satellite is simulated where fresh elements say, up to twelve days after their epoch."""
 
 
 def case(name: str) -> tuple[StationSetup, Pass, str, float]:
     """Return station, pass, sensor and half-power beamwidth (rad) of a case."""
     band, sensor, peak = name.split(",")
-    setup, source = StationSetup("dss13", band), SourceParams(satellite="28057")
+    setup = StationSetup("dss13", band, changes={"ephemeris_publisher": FRESH})
+    source = SourceParams(satellite="28057")
     window = first_pass_above(
         setup.track(), load_elements(source).epoch_t_s, math.radians(float(peak)), math.radians(5.0), 12.0 * 86400.0
     )

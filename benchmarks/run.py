@@ -54,7 +54,8 @@ WALL_TIME = (
 )  # fmt: skip
 MINUTES = (
     "array_trials", "ephemeris_accuracy", "ephemeris_trials", "lock_watch", "lqg_tuning", "mutants", "network_plan",
-    "plant_tuning", "scanning_campaigns", "scans", "servo_tuning", "strong_carriers", "tuning_trials", "zenith_passes",
+    "plant_tuning", "scanning_campaigns", "scans", "servo_tuning", "strong_carriers", "target_uncertainty",
+    "tuning_trials", "zenith_passes",
 )  # fmt: skip
 PARTS = ("launched_station", "live_night", "night_simulation", "real_station")
 """Modules of other benchmarks, without a command of their own."""

@@ -124,6 +124,7 @@ def request_of(argv: list[str] | None = None) -> StationRequest:
     queue("--start", action="store_true", help="run the schedule, and follow it to its end")
     status = add("status", "show what the station does, and the alarms", StationClient.show_status)
     status("--watch", action="store_true", help="until Ctrl-C, a line a second")
+    status("--forget", action="store_true", help="forget what passes taught of the target")
     status("--json", dest="as_json", action="store_true", help="print JSON")
     go = add("go", "turn the axes to a position and hold there", StationClient.go)
     go("azimuth_rad", metavar="azimuth", type=_degrees(-1000.0, 1000.0), help="deg, the turn of the cables counts")

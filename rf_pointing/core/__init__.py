@@ -33,10 +33,12 @@ if TYPE_CHECKING:
         AXES,
         Boresight,
         CarrierPower,
+        HeldDirection,
         JointReading,
         JointTrajectory,
         MonopulseCluster,
         PointingError,
+        SkyUncertainty,
         Target,
     )
 

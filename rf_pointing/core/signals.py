@@ -28,6 +28,39 @@ LONGEST_GAP_S = 0.5
 """Gap of an antenna's periodic work that is not yet a stall or a jump of the clock."""
 # No mount turns so far from its encoders' zero: such a reading is not an angle.
 FARTHEST_RAD = 10.0 * 2.0 * math.pi
+LEAST_KNOWN_RAD, LEAST_KNOWN_S = math.pi, 3600.0
+"""Standard deviations of a direction and of a time along the orbit: of more nothing is known."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SkyUncertainty:
+    """One-sigma error of a predicted direction, as a matrix, and along and across the motion.
+
+    `covariance_rad2` is (2, 2) in the order cross-elevation, elevation; `along_track_s` is the
+    error of the time along the orbit, 0 for a target that has none; `age_s` that of the elements.
+    """
+
+    covariance_rad2: Array
+    along_track_rad: float = 0.0
+    cross_track_rad: float = 0.0
+    along_track_s: float = 0.0
+    age_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        covariance = as_finite_array("covariance_rad2", self.covariance_rad2, (2, 2))
+        (right, both), (other, up) = covariance.tolist()
+        for name, value in (("covariance_rad2[0]", right), ("covariance_rad2[3]", up)):
+            require_between(name, value, 0.0, LEAST_KNOWN_RAD**2)
+        # A direction that is uncertain along one line only is of rank one: the tolerance lets it
+        # pass, and what rounding makes of it.
+        slack = 1e-9 * max(right, up)
+        if abs(both - other) > slack or both**2 > (1.0 + 1e-9) * right * up + slack**2:
+            raise ValueError(f"covariance_rad2={covariance.tolist()} must be symmetric, with both its variances >= 0")
+        for name in ("along_track_rad", "cross_track_rad"):
+            require_between(name, getattr(self, name), 0.0, LEAST_KNOWN_RAD)
+        require_between("along_track_s", self.along_track_s, 0.0, LEAST_KNOWN_S)
+        require_finite("age_s", self.age_s)
+        object.__setattr__(self, "covariance_rad2", covariance)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,7 +68,8 @@ class Target:
     """Where the target is at `t_s`; azimuth continuous along a pass, elevation with refraction.
 
     `satellite_gain_db` is that of its antenna towards the station, against the antenna's axis.
-    `offsets` of the operator are contained in the direction.
+    `offsets` of the operator are contained in the direction; `uncertainty` is None where nothing
+    is known of it.
     """
 
     t_s: float
@@ -51,6 +85,7 @@ class Target:
     refraction_rad: float
     satellite_gain_db: float = 0.0
     offsets: str = ""
+    uncertainty: SkyUncertainty | None = None
 
     @property
     def light_time_s(self) -> float:
@@ -70,8 +105,18 @@ class Target:
         ):  # fmt: skip
             return
         for name in self.__slots__:
-            if name not in ("name", "offsets"):
+            if name not in ("name", "offsets", "uncertainty"):
                 require_finite(name, getattr(self, name))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HeldDirection:
+    """Apparent direction in which a sensor held the target at `t_s`, and the beam's width."""
+
+    t_s: float
+    azimuth_rad: float
+    elevation_rad: float
+    beamwidth_rad: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -38,7 +38,10 @@ class ConformanceCheck:
         flown_rad: tuple[Pair, Pair] | None = None,
     ) -> None:  # fmt: skip
         self._drive, self._params, self._tick, self._way_rad = drive, params, tick, way_rad
-        self._flown_rad = flown_rad or (params.rotator.travel_min_rad, params.rotator.travel_max_rad)
+        self._flown_rad = flown_rad or (
+            params.rotator.travel_min_rad,
+            params.rotator.travel_max_rad,
+        )
         self._rotator = Rotator(drive, params.rotator)
         self._t_s = tick(0.0)
         self._before: dict[str, int] = {}
@@ -55,7 +58,14 @@ class ConformanceCheck:
         self._before = dict(self._drive.losses)
         self._readings.clear()
         self._pass(WATCH_S)
-        return [*lines, self._period(), self._age(), self._rest("rest"), self._inside(), self._losses()]
+        return [
+            *lines,
+            self._period(),
+            self._age(),
+            self._rest("rest"),
+            self._inside(),
+            self._losses(),
+        ]
 
     def moving(self) -> list[Line]:
         """Move both axes and come back; return the lines."""
@@ -65,7 +75,11 @@ class ConformanceCheck:
         lines: list[Line] = []
         for axis, name in enumerate(AXES):
             if axis == 0 or self._drive.capabilities.has_elevation:
-                lines += self._position_axis(axis, name, start) if positions else self._rate_axis(axis, name)
+                lines += (
+                    self._position_axis(axis, name, start)
+                    if positions
+                    else self._rate_axis(axis, name)
+                )
         lines.append(self._beyond() if positions else self._stale())
         self._drive.stop()
         self._readings.clear()
@@ -90,7 +104,8 @@ class ConformanceCheck:
     def _rest(self, name: str) -> Line:
         late = self._readings[len(self._readings) // 2 :]
         spread = [
-            max(p[axis] for *_, p in late) - min(p[axis] for *_, p in late) if late else math.inf for axis in (0, 1)
+            max(p[axis] for *_, p in late) - min(p[axis] for *_, p in late) if late else math.inf
+            for axis in (0, 1)
         ]
         bound = [1.5 * step for step in self._drive.capabilities.resolution_rad]
         good = all(moved <= limit for moved, limit in zip(spread, bound, strict=True))
@@ -103,19 +118,30 @@ class ConformanceCheck:
         reach = rotator.travel_min_rad, rotator.travel_max_rad
         good = all(reach[0][axis] <= here[axis] <= reach[1][axis] for axis in axes)
         text = (
-            "" if can.has_elevation else "; the device has no elevation: mount.fixed_elevation_deg says where it looks"
+            ""
+            if can.has_elevation
+            else "; the device has no elevation: mount.fixed_elevation_deg says where it looks"
         )
         if can.travel_rad is not None and not can.one_turn:
-            device = [[angle + z for angle, z in zip(ends, rotator.zero_rad, strict=True)] for ends in can.travel_rad]
+            device = [
+                [angle + z for angle, z in zip(ends, rotator.zero_rad, strict=True)]
+                for ends in can.travel_rad
+            ]
             # A folded azimuth is sent to whatever turn the device takes.
             held = [axis for axis in axes if axis == 1 or not rotator.takes_one_turn]
             good = good and all(low[axis] >= device[0][axis] - SAME_RAD for axis in held)
             good = good and all(high[axis] <= device[1][axis] + SAME_RAD for axis in held)
             text += f"; the device states {_degrees(device[0])} to {_degrees(device[1])} deg"
-        return Line("travel", good, f"at {_degrees(here)}, flown {_degrees(low)} to {_degrees(high)} deg{text}")
+        return Line(
+            "travel",
+            good,
+            f"at {_degrees(here)}, flown {_degrees(low)} to {_degrees(high)} deg{text}",
+        )
 
     def _losses(self) -> Line:
-        new = {name: count - self._before.get(name, 0) for name, count in self._drive.losses.items()}
+        new = {
+            name: count - self._before.get(name, 0) for name, count in self._drive.losses.items()
+        }
         lost = {name: count for name, count in new.items() if count and name != "late answer"}
         text = ", ".join(f"{name}: {count}" for name, count in lost.items()) or "nothing was lost"
         return Line("losses", not lost, text)
@@ -123,7 +149,9 @@ class ConformanceCheck:
     # With motion
 
     def _position_axis(self, axis: int, name: str, start: Pair) -> list[Line]:
-        middle = 0.5 * (self._params.rotator.travel_min_rad[axis] + self._params.rotator.travel_max_rad[axis])
+        middle = 0.5 * (
+            self._params.rotator.travel_min_rad[axis] + self._params.rotator.travel_max_rad[axis]
+        )
         way = math.copysign(self._way_rad, middle - start[axis])
         goal = [*start]
         goal[axis] += way
@@ -151,7 +179,9 @@ class ConformanceCheck:
 
     def _rate_axis(self, axis: int, name: str) -> list[Line]:
         rotator, start = self._rotator, self._rotator.position_rad[axis]
-        middle = 0.5 * (self._params.rotator.travel_min_rad[axis] + self._params.rotator.travel_max_rad[axis])
+        middle = 0.5 * (
+            self._params.rotator.travel_min_rad[axis] + self._params.rotator.travel_max_rad[axis]
+        )
         rate = math.copysign(0.3 * self._drive.capabilities.rate_rad_s[axis], middle - start)
         rates = [0.0, 0.0]
         rates[axis] = rate
@@ -181,7 +211,9 @@ class ConformanceCheck:
         spread = 2.0 * self._drive.capabilities.resolution_rad[axis] / (end_s - begin_s)
         good = abs(measured - stated) <= RATE_SHARE * stated + spread
         return Line(
-            f"{name} rate", good, f"{math.degrees(measured):.2f} deg/s measured, {math.degrees(stated):.2f} stated"
+            f"{name} rate",
+            good,
+            f"{math.degrees(measured):.2f} deg/s measured, {math.degrees(stated):.2f} stated",
         )
 
     def _stop(self, axis: int, name: str) -> Line:
@@ -190,7 +222,10 @@ class ConformanceCheck:
         self._pass(STOP_S + self._rotator.latency_s)
         at = self._rotator.position_rad[axis]
         self._pass(1.0)
-        still = abs(self._rotator.position_rad[axis] - at) <= 1.5 * self._drive.capabilities.resolution_rad[axis]
+        still = (
+            abs(self._rotator.position_rad[axis] - at)
+            <= 1.5 * self._drive.capabilities.resolution_rad[axis]
+        )
         ran = math.degrees(abs(at - where))
         return Line(f"{name} stop", still, f"ran on for {ran:.2f} deg, {'at rest' if still else 'still moving'} "
                     f"{self._t_s - began_s:.1f} s later")  # fmt: skip
@@ -205,7 +240,9 @@ class ConformanceCheck:
         moved = abs(self._rotator.position_rad[0] - at)
         still = moved <= max(1.5 * self._drive.capabilities.resolution_rad[0], 0.1 * rate)
         return Line(
-            "stale command", still, f"{'at rest' if still else 'still moving'} {WATCH_S:.0f} s after the last rate"
+            "stale command",
+            still,
+            f"{'at rest' if still else 'still moving'} {WATCH_S:.0f} s after the last rate",
         )
 
     def _beyond(self) -> Line:
@@ -234,10 +271,13 @@ class ConformanceCheck:
         self._readings.clear()
         self._command(goal)
         longest = max(
-            abs(b - a) / rate for a, b, rate in zip(start, goal, self._params.rotator.rate_rad_s, strict=True)
+            abs(b - a) / rate
+            for a, b, rate in zip(start, goal, self._params.rotator.rate_rad_s, strict=True)
         )
         self._pass(1.5 * longest + LONGEST_LATENCY_S)
-        return [(reading.t_s, position[axis] - start[axis]) for _, reading, position in self._readings]
+        return [
+            (reading.t_s, position[axis] - start[axis]) for _, reading, position in self._readings
+        ]
 
     def _command(self, goal: Pair) -> None:
         self._follow(Motion(np.array(goal), np.zeros(2), np.zeros(2)))
@@ -249,13 +289,17 @@ class ConformanceCheck:
             self._rotator.follow(self._t_s, motion, Motion(*motion))
             self._pass(0.0)
 
-    def _pass(self, seconds: float, until: Callable[[], bool] = lambda: False, turning: Pair | None = None) -> None:
+    def _pass(
+        self, seconds: float, until: Callable[[], bool] = lambda: False, turning: Pair | None = None
+    ) -> None:
         """Let time pass and keep the readings; `turning` is repeated at every tick."""
         begun_s = self._t_s
         while True:
             self._t_s = self._tick(0.02)
             if self._rotator.step(self._t_s) and self._rotator.reading is not None:
-                self._readings.append((self._t_s, self._rotator.reading, self._rotator.position_rad))
+                self._readings.append(
+                    (self._t_s, self._rotator.reading, self._rotator.position_rad)
+                )
             if turning is not None:
                 self._drive.turn(turning)
             if until() or self._t_s - begun_s >= seconds:

@@ -30,7 +30,8 @@ INVALID, NOT_IMPLEMENTED, TIMED_OUT, IO_ERROR, REJECTED = -1, -4, -5, -6, -9
 # A page of another site may choose the method where a name of its own leads here: the first header
 # that browsers then send is Host.
 _OF_HTTP = re.compile(
-    r"(GET|HEAD|POST|PUT|PATCH|DELETE|OPTIONS|CONNECT|TRACE|PRI)\b|host\s*:|.*\bHTTP/\d", re.IGNORECASE
+    r"(GET|HEAD|POST|PUT|PATCH|DELETE|OPTIONS|CONNECT|TRACE|PRI)\b|host\s*:|.*\bHTTP/\d",
+    re.IGNORECASE,
 )
 _READ_BYTES = 4096
 _ANSWER_S = 3.0
@@ -42,17 +43,29 @@ WRONG_S = 0.3
 class ServerParams(Params):
     """Where clients connect, and how many."""
 
-    host: str = parameter("127.0.0.1", "address of the port; others reach any but loopback: see allow, password_file")
+    host: str = parameter(
+        "127.0.0.1", "address of the port; others reach any but loopback: see allow, password_file"
+    )
     port: int = parameter(4533, "TCP port; 0: any free one", low=0, high=65535)
-    allow: str = parameter("", "addresses and networks of the clients, separated by commas; empty: any")
-    password_file: str = parameter("", "file (mode 600) of the word that \\password must give first; empty: none")
-    most_refused: int = parameter(20, "lines refused in a row that end a connection", low=1, high=1000)
+    allow: str = parameter(
+        "", "addresses and networks of the clients, separated by commas; empty: any"
+    )
+    password_file: str = parameter(
+        "", "file (mode 600) of the word that \\password must give first; empty: none"
+    )
+    most_refused: int = parameter(
+        20, "lines refused in a row that end a connection", low=1, high=1000
+    )
     most_clients: int = parameter(
         100, "clients at one time; then one that has sent no line gives way, else further ones are refused",
         low=1, high=500,
     )  # fmt: skip
-    idle_s: float = parameter(600.0, "a client that sends nothing for so long is disconnected", low=1.0, high=86400.0)
-    patience_s: float = parameter(5.0, "a client that reads no answer for so long is disconnected", low=0.1, high=60.0)
+    idle_s: float = parameter(
+        600.0, "a client that sends nothing for so long is disconnected", low=1.0, high=86400.0
+    )
+    patience_s: float = parameter(
+        5.0, "a client that reads no answer for so long is disconnected", low=0.1, high=60.0
+    )
 
     def check_together(self) -> None:
         """Refuse a list of clients that cannot be read."""
@@ -63,7 +76,9 @@ class ServerParams(Params):
         try:
             networks = [ip_network(each.strip()) for each in self.allow.split(",") if each.strip()]
         except ValueError as error:
-            raise ValueError(f"allow={self.allow!r} must be addresses or networks, as 10.0.0.0/24: {error}") from None
+            raise ValueError(
+                f"allow={self.allow!r} must be addresses or networks, as 10.0.0.0/24: {error}"
+            ) from None
         with suppress(ValueError):
             given = ip_address(address.partition("%")[0].removeprefix("::ffff:"))
             return not networks or any(given in each for each in networks)
@@ -161,10 +176,14 @@ class Session:
 
     @staticmethod
     def _too_long() -> Order:
-        return Order("", code=INVALID, reason=f"a line is longer than {LONGEST_LINE} bytes", foreign=True)
+        return Order(
+            "", code=INVALID, reason=f"a line is longer than {LONGEST_LINE} bytes", foreign=True
+        )
 
     @staticmethod
-    def answer(order: Order, code: int = 0, fields: tuple[tuple[str, str], ...] = (), reason: str = "") -> bytes:
+    def answer(
+        order: Order, code: int = 0, fields: tuple[tuple[str, str], ...] = (), reason: str = ""
+    ) -> bytes:
         """Return the answer; `fields` are its lines in the extended and in the plain form.
 
         The extended form has room for the `reason` of a refused order, the plain one has its code.
@@ -194,7 +213,9 @@ def _order(line: bytes, words: ServedWords) -> Order | None:
     elif len(word) == 1:
         name, count = words.letters.get(word, (word, None))
     else:
-        return Order("", separator=separator, code=INVALID, reason=f"{shown(word)} is not a command")
+        return Order(
+            "", separator=separator, code=INVALID, reason=f"{shown(word)} is not a command"
+        )
     written = " ".join(arguments)
     if count is None:
         reason = f"command {shown(name)} is not known"
@@ -270,7 +291,9 @@ class LineServer:
             self._socket.listen(128)
         except OSError as error:
             self._socket.close()
-            raise ValueError(f"server.host={params.host}, server.port={params.port}: {error.strerror}") from error
+            raise ValueError(
+                f"server.host={params.host}, server.port={params.port}: {error.strerror}"
+            ) from error
         self.port: int = self._socket.getsockname()[1]
         self._loop = asyncio.new_event_loop()
         self._tasks: set[asyncio.Task[None]] = set()
@@ -326,7 +349,9 @@ class LineServer:
             if not allowed:
                 self._refuse_client(writer, f"{name} is not in server.allow={self._params.allow}")
             elif full:
-                self._refuse_client(writer, f"{name}: {self._params.most_clients} clients are connected")
+                self._refuse_client(
+                    writer, f"{name}: {self._params.most_clients} clients are connected"
+                )
             else:
                 self.counts.connected[name], self._unheard[name] = time.monotonic(), writer
                 self.counts.clients += 1
@@ -345,7 +370,9 @@ class LineServer:
         self._refused(reason)
         writer.write(f"RPRT {REJECTED}\n".encode())
 
-    async def _talk(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter, name: str) -> None:
+    async def _talk(
+        self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter, name: str
+    ) -> None:
         session, refused, known = Session(self.words.client()), 0, not self._password
         while data := await asyncio.wait_for(reader.read(_READ_BYTES), self._params.idle_s):
             at_s = self.counts.connected[name] = time.monotonic()
@@ -355,7 +382,12 @@ class LineServer:
                     return
                 if order.name == "password" and not order.code:
                     known = known or self._is_password(order.text)
-                    order = replace(order, text="", code=0 if known else REJECTED, reason="the password is wrong")
+                    order = replace(
+                        order,
+                        text="",
+                        code=0 if known else REJECTED,
+                        reason="the password is wrong",
+                    )
                     await asyncio.sleep(0.0 if known else WRONG_S)
                 elif not known and not order.foreign:
                     order = replace(order, code=REJECTED, reason="\\password must come first")
@@ -363,7 +395,9 @@ class LineServer:
                 refused = refused + 1 if order.code else 0
                 if order.foreign or refused >= self._params.most_refused:
                     self.counts.ended += 1
-                    self._refused(f"{name} is disconnected after {refused} refused lines; the last: {order.reason}")
+                    self._refused(
+                        f"{name} is disconnected after {refused} refused lines; the last: {order.reason}"
+                    )
                     return
             await asyncio.wait_for(writer.drain(), self._params.patience_s)
 

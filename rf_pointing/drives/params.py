@@ -15,14 +15,27 @@ class LinkParams(Params):
     device: str = parameter("", "serial port of the device, e.g. /dev/ttyUSB0; empty: over TCP")
     host: str = parameter("localhost", "host of the device where it is reached over TCP")
     port: int = parameter(4533, "TCP port of the device", low=1, high=65535)
-    baud: int = parameter(0, "speed of the serial port; 0: the protocol's own", low=0, high=4_000_000)
-    poll_period_s: float = parameter(0.2, "time between two readings of the position", low=0.02, high=10.0)
-    answer_s: float = parameter(0.5, "time after which an answer counts as lost", low=0.01, high=10.0)
-    silence_s: float = parameter(
-        1.0, "time without a position after which the device is lost; at least two polls", low=0.1, high=60.0
+    baud: int = parameter(
+        0, "speed of the serial port; 0: the protocol's own", low=0, high=4_000_000
     )
-    first_retry_s: float = parameter(0.5, "wait before the first attempt to reconnect", low=0.05, high=60.0)
-    longest_retry_s: float = parameter(2.0, "longest wait; it doubles from attempt to attempt", low=0.05, high=3600.0)
+    poll_period_s: float = parameter(
+        0.2, "time between two readings of the position", low=0.02, high=10.0
+    )
+    answer_s: float = parameter(
+        0.5, "time after which an answer counts as lost", low=0.01, high=10.0
+    )
+    silence_s: float = parameter(
+        1.0,
+        "time without a position after which the device is lost; at least two polls",
+        low=0.1,
+        high=60.0,
+    )
+    first_retry_s: float = parameter(
+        0.5, "wait before the first attempt to reconnect", low=0.05, high=60.0
+    )
+    longest_retry_s: float = parameter(
+        2.0, "longest wait; it doubles from attempt to attempt", low=0.05, high=3600.0
+    )
 
     ordered = ("first_retry_s <= longest_retry_s",)
 
@@ -46,9 +59,14 @@ class RotatorParams(Params):
         (0.0, 0.0), "distances from the set point at which it does not start", low=0.0, high=0.2
     )
     minimum_move_rad: tuple[float, float] = parameter(
-        (0.0, 0.0), "smallest moves that are commanded; 0: one step or the dead band", low=0.0, high=0.2
+        (0.0, 0.0),
+        "smallest moves that are commanded; 0: one step or the dead band",
+        low=0.0,
+        high=0.2,
     )
-    minimum_interval_s: float = parameter(0.5, "least time between two set points", low=0.0, high=60.0)
+    minimum_interval_s: float = parameter(
+        0.5, "least time between two set points", low=0.0, high=60.0
+    )
     latency_s: float = parameter(
         0.2, "time from a set point to the motion, until it has been measured", low=0.0, high=5.0
     )

@@ -161,10 +161,15 @@ class PolledDrive(Drive):
             self.losses[f"answer to {self._pending[0].name}"] += 1
             self._pending = None
         # From its first request on: a tick that came late is not silence of the device.
-        if t_s - max(self._known_s, self._asked_s - self._timing.poll_period_s) > self._timing.lost_s:
+        if (
+            t_s - max(self._known_s, self._asked_s - self._timing.poll_period_s)
+            > self._timing.lost_s
+        ):
             refused = f", last answer: {self._refused}" if self._refused else ""
             lost_s = self._timing.lost_s
-            self._lose(t_s, f"no position for {t_s - self._known_s:.1f} s, at most {lost_s:.1f} s{refused}")
+            self._lose(
+                t_s, f"no position for {t_s - self._known_s:.1f} s, at most {lost_s:.1f} s{refused}"
+            )
             return
         self._send(link, t_s)
 
@@ -178,7 +183,9 @@ class PolledDrive(Drive):
 
     def _send(self, link: Link, t_s: float) -> None:
         # A stop does not wait for an answer that may never come.
-        while (self._stop_due or self._pending is None) and (request := self._next(t_s)) is not None:
+        while (self._stop_due or self._pending is None) and (
+            request := self._next(t_s)
+        ) is not None:
             link.write(request.data)
             if request.answer:
                 self._pending = request, t_s
@@ -249,8 +256,16 @@ class PolledDrive(Drive):
         self._kept.answers()
         self.problem = ""
         can, protocol = self.capabilities, self._protocol
-        if (protocol.resolution_deg, protocol.has_elevation) != (self._resolution_deg, can.has_elevation):
+        if (protocol.resolution_deg, protocol.has_elevation) != (
+            self._resolution_deg,
+            can.has_elevation,
+        ):
             self._state_capabilities(self.capabilities.travel_rad)
         if self._stopped and before is not None and t_s - self._stop_s > STOP_AGAIN_S:
-            steps = zip(self._reading.position_rad, before.position_rad, self.capabilities.resolution_rad, strict=True)
+            steps = zip(
+                self._reading.position_rad,
+                before.position_rad,
+                self.capabilities.resolution_rad,
+                strict=True,
+            )
             self._stop_due = any(abs(a - b) > SETTLED_STEPS * step for a, b, step in steps)

@@ -134,7 +134,10 @@ class Dialect:
 def _dialect(model: str, form: bytes) -> Dialect:
     # An azimuth alone must be the whole line: it may be the rest of a longer one.
     return Dialect(
-        model, re.compile((b".*" if form.count(b"%s") == 2 else b"") + form.replace(b"%s", _ANGLE), re.DOTALL)
+        model,
+        re.compile(
+            (b".*" if form.count(b"%s") == 2 else b"") + form.replace(b"%s", _ANGLE), re.DOTALL
+        ),
     )
 
 
@@ -166,7 +169,9 @@ class LineProtocol(DeviceProtocol):
                 if not (each.has_elevation or self._spoken or self._alone >= self.SURE):
                     return Answer(REFUSED, "an azimuth alone, which may be the rest of an answer")
                 self._spoken = each
-                return _position(float(found[1]), float(found[2]) if each.has_elevation else 0.0, line)
+                return _position(
+                    float(found[1]), float(found[2]) if each.has_elevation else 0.0, line
+                )
         return None
 
 
@@ -208,14 +213,23 @@ class HamlibProtocol(DeviceProtocol):
     def _end(self, code: int) -> Iterator[Answer]:
         block, fields, self._block, self._fields = self._block, self._fields, "", {}
         if code:
-            yield Answer(REFUSED, f"{block or 'request'}: RPRT {code} ({RPRT_ERRORS.get(code, 'unknown error')})")
+            yield Answer(
+                REFUSED,
+                f"{block or 'request'}: RPRT {code} ({RPRT_ERRORS.get(code, 'unknown error')})",
+            )
         elif block == "get_pos":
             # A line that was lost leaves a position without one of its angles.
             whole = {"Azimuth", "Elevation"} <= set(fields)
-            yield _position(fields["Azimuth"], fields["Elevation"]) if whole else Answer(NOISE, "get_pos in part")
+            yield (
+                _position(fields["Azimuth"], fields["Elevation"])
+                if whole
+                else Answer(NOISE, "get_pos in part")
+            )
         elif block == "dump_state":
             whole = set(LIMIT_NAMES) <= set(fields)
-            yield Answer(LIMITS, angles_deg=tuple(fields[name] for name in LIMIT_NAMES) if whole else ())
+            yield Answer(
+                LIMITS, angles_deg=tuple(fields[name] for name in LIMIT_NAMES) if whole else ()
+            )
         else:
             yield Answer(DONE, block)
 
@@ -317,9 +331,13 @@ class SpidProtocol(DeviceProtocol):
         first, second, pulses, answer = f"{round(azimuth):03d}0".encode(), bytes(4), (0, 0), ""
         if self.has_elevation:
             answer = POSITION if self._answers_set else ""
-            pulses = self._pulses or (round(1.0 / self.resolution_deg[0]), round(1.0 / self.resolution_deg[1]))
+            pulses = self._pulses or (
+                round(1.0 / self.resolution_deg[0]),
+                round(1.0 / self.resolution_deg[1]),
+            )
             first, second = (
-                f"{round(angle * each):04d}".encode() for angle, each in zip((azimuth, elevation), pulses, strict=True)
+                f"{round(angle * each):04d}".encode()
+                for angle, each in zip((azimuth, elevation), pulses, strict=True)
             )
         return Request(
             "set",
@@ -358,7 +376,8 @@ class SpidProtocol(DeviceProtocol):
         self._pulses = packet[5], packet[10]
         self.resolution_deg = 1.0 / packet[5], 1.0 / packet[10]
         azimuth, elevation = (
-            100.0 * digits[i] + 10.0 * digits[i + 1] + digits[i + 2] + 0.1 * digits[i + 3] - 360.0 for i in (0, 4)
+            100.0 * digits[i] + 10.0 * digits[i + 1] + digits[i + 2] + 0.1 * digits[i + 3] - 360.0
+            for i in (0, 4)
         )
         return _position(azimuth, elevation, packet)
 

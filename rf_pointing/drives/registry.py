@@ -55,9 +55,15 @@ def simulated(params: DriveParams) -> DriveParams:
     """Return the drive of a simulation of the antenna: no simulation connects to a device."""
     if params.type not in _protocols():
         return params if params.type == SIMULATED_ROTATOR else params.replace(type="simulated")
-    protocol = tuple(math.radians(step) for step in _protocols()[params.type](params.model).resolution_deg)
-    steps = tuple(own or theirs for own, theirs in zip(params.rotator.resolution_rad, protocol, strict=True))
-    return params.replace(type=SIMULATED_ROTATOR, rotator=params.rotator.replace(resolution_rad=steps))
+    protocol = tuple(
+        math.radians(step) for step in _protocols()[params.type](params.model).resolution_deg
+    )
+    steps = tuple(
+        own or theirs for own, theirs in zip(params.rotator.resolution_rad, protocol, strict=True)
+    )
+    return params.replace(
+        type=SIMULATED_ROTATOR, rotator=params.rotator.replace(resolution_rad=steps)
+    )
 
 
 def make_drive(params: DriveParams, start_rad: Pair = (0.0, 0.0)) -> Drive:
@@ -80,6 +86,8 @@ def make_drive(params: DriveParams, start_rad: Pair = (0.0, 0.0)) -> Drive:
         made: Drive = point.load()(params)
         return made
     if params.type in ("simulated", "topic"):
-        raise ValueError(f"drive.type={params.type!r} is made by antenna_servo, and topic by check_drive --namespace")
+        raise ValueError(
+            f"drive.type={params.type!r} is made by antenna_servo, and topic by check_drive --namespace"
+        )
     known = one_of(params.type, ("simulated", "topic", *known_types()))
     raise ValueError(f"drive.type={params.type!r} must be {known}")

@@ -13,7 +13,16 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import ClassVar
 
-from rf_pointing.drives.line_server import INVALID, IO_ERROR, NUMBER, Fields, Order, ServedWords, labelled, shown
+from rf_pointing.drives.line_server import (
+    INVALID,
+    IO_ERROR,
+    NUMBER,
+    Fields,
+    Order,
+    ServedWords,
+    labelled,
+    shown,
+)
 from rf_pointing.drives.link import KeptLink
 from rf_pointing.drives.params import LinkParams
 from rf_pointing.drives.protocols import LONGEST_LINE, RPRT_ERRORS
@@ -91,7 +100,10 @@ class Rig:
         if len(rest) > LONGEST_LINE or len(self._fields) > LONGEST_LINE:
             self._lose(t_s, f"it answers without an end: {shown(rest.decode(errors='replace'))}")
         elif self._pending and t_s - self._pending[0][1] > self._timing.lost_s:
-            self._lose(t_s, f"no answer to {self._name(self._pending[0][0])} for {t_s - self._pending[0][1]:.1f} s")
+            self._lose(
+                t_s,
+                f"no answer to {self._name(self._pending[0][0])} for {t_s - self._pending[0][1]:.1f} s",
+            )
         elif not self._pending and (line_now := self._next(t_s)):
             self._send(line_now, t_s)
 
@@ -155,7 +167,11 @@ class Rig:
             self._fields.append(line)
             return
         fields, self._fields = self._fields, []
-        if not self._pending or not fields or fields[0].partition(":")[0] != self._name(self._pending[0][0]):
+        if (
+            not self._pending
+            or not fields
+            or fields[0].partition(":")[0] != self._name(self._pending[0][0])
+        ):
             self.losses["noise"] += 1
             return
         sent, sent_s = self._pending.popleft()
@@ -214,7 +230,11 @@ class RigWords(ServedWords):
         if name not in self.of_station:
             return 0, "", ()
         if not NUMBER.fullmatch(arguments[0]) or not 0.0 <= float(arguments[0]) <= HIGHEST_HZ:
-            return INVALID, f"{name} {shown(arguments[0])} must be a number from 0 to {HIGHEST_HZ:g}", ()
+            return (
+                INVALID,
+                f"{name} {shown(arguments[0])} must be a number from 0 to {HIGHEST_HZ:g}",
+                (),
+            )
         return 0, "", (float(arguments[0]),)
 
     def fields(self, order: Order) -> Fields | None:
@@ -243,4 +263,19 @@ class RigWords(ServedWords):
 # Version 0 of Hamlib's form: model and region, ranges of receiver and transmitter, steps, filters,
 # RIT, XIT, IF shift, announces, preamplifiers, attenuators, functions, levels and parameters.
 _RANGE, _END = f"0.000000 {HIGHEST_HZ:.6f} 0x1ff -1 -1 0x3 0x1", "0 0 0 0 0 0 0"
-_STATE = ("0", "2", "0", _RANGE, _END, _RANGE, _END, "0x1ff 1", "0 0", "0 0", *["0"] * 4, "", "", *["0x0"] * 6)
+_STATE = (
+    "0",
+    "2",
+    "0",
+    _RANGE,
+    _END,
+    _RANGE,
+    _END,
+    "0x1ff 1",
+    "0 0",
+    "0 0",
+    *["0"] * 4,
+    "",
+    "",
+    *["0x0"] * 6,
+)

@@ -100,12 +100,16 @@ class Rotator:
     def place(self, azimuth_rad: float) -> None:
         """Take the turn of the azimuth from outside: the one nearest to `azimuth_rad`."""
         if self.drive.capabilities.one_turn:
-            self.position_rad = nearest_turn_rad(self.position_rad[0], azimuth_rad), self.position_rad[1]
+            self.position_rad = (
+                nearest_turn_rad(self.position_rad[0], azimuth_rad),
+                self.position_rad[1],
+            )
             self._history.clear()
 
     def _take(self, reading: DriveReading, first: bool) -> None:
         azimuth, elevation = (
-            angle + zero for angle, zero in zip(reading.position_rad, self.params.zero_rad, strict=True)
+            angle + zero
+            for angle, zero in zip(reading.position_rad, self.params.zero_rad, strict=True)
         )
         if self.drive.capabilities.one_turn and not first:
             azimuth = nearest_turn_rad(azimuth, self.position_rad[0])
@@ -166,7 +170,9 @@ class Rotator:
         if self.reading is None:
             return self.position_rad
         moved = []
-        for axis, here, speed in zip(self._axes, self.position_rad, self.params.rate_rad_s, strict=True):
+        for axis, here, speed in zip(
+            self._axes, self.position_rad, self.params.rate_rad_s, strict=True
+        ):
             if axis.sent is None:
                 moved.append(here)
                 continue
@@ -186,7 +192,9 @@ class Rotator:
     @property
     def smallest_rad(self) -> Pair:
         """Smallest moves that are commanded."""
-        rows = zip(self.params.minimum_move_rad, self._steps, self.params.dead_band_rad, strict=True)
+        rows = zip(
+            self.params.minimum_move_rad, self._steps, self.params.dead_band_rad, strict=True
+        )
         first, second = (max(move, step, dead) for move, step, dead in rows)
         return first, second
 
@@ -213,7 +221,9 @@ class Rotator:
             each if each is not None else self._wanted(axis, t_s, motion, goal, early_s)
             for axis, each in enumerate(wanted)
         ]
-        azimuth, elevation = (self._kept(axis) if each is None else each for axis, each in enumerate(target))
+        azimuth, elevation = (
+            self._kept(axis) if each is None else each for axis, each in enumerate(target)
+        )
         self._send(t_s, (azimuth, elevation))
 
     def stop(self) -> None:
@@ -233,7 +243,9 @@ class Rotator:
         sent = self._axes[axis].sent
         return sent if sent is not None else self.position_rad[axis]
 
-    def _wanted(self, axis: int, t_s: float, motion: Motion, goal: Motion, early_s: float) -> float | None:
+    def _wanted(
+        self, axis: int, t_s: float, motion: Motion, goal: Motion, early_s: float
+    ) -> float | None:
         """Return the next set point of an axis, None while the one in force is the best.
 
         `early_s` before its time it is given up already.
@@ -252,12 +264,20 @@ class Rotator:
         # Where the interval decides, neither the rounding of a set point nor an early tick
         # may cost another tick.
         fast = max(0.0, abs(rate) * interval_s - smallest)
-        enough = half - abs(rate) * (early_s + JITTER_S) - 0.5 * min(step, fast) if rate != 0.0 else smallest
+        enough = (
+            half - abs(rate) * (early_s + JITTER_S) - 0.5 * min(step, fast)
+            if rate != 0.0
+            else smallest
+        )
         back, slow = state.direction * off < 0.0, abs(rate) * interval_s < SLOW_SHARE * smallest
         if back and motion is goal:
             # A stop ends ahead of where it was commanded, not with a way back.
             return None
-        if back and rate * state.direction > 0.0 and abs(off) <= half + abs(rate) * spare_s + smallest:
+        if (
+            back
+            and rate * state.direction > 0.0
+            and abs(off) <= half + abs(rate) * spare_s + smallest
+        ):
             # The set point is ahead, as it was meant to be.
             return None
         if back:
@@ -278,9 +298,17 @@ class Rotator:
         wanted = at + math.copysign(half, rate) + rate * spare_s if rate * off > 0.0 else at
         # By the goal's own rate: a chase is faster, and half a step of it would lead past the goal.
         own = float(goal.velocity[axis])
-        end = _ahead(goal, axis, lead_s) + math.copysign(0.5 * max(smallest, abs(own) * interval_s), own) * (own != 0.0)
+        end = _ahead(goal, axis, lead_s) + math.copysign(
+            0.5 * max(smallest, abs(own) * interval_s), own
+        ) * (own != 0.0)
         # Beyond the goal the device would only come back.
-        wanted = min(wanted, max(end, at)) if rate > 0.0 else max(wanted, min(end, at)) if rate < 0.0 else wanted
+        wanted = (
+            min(wanted, max(end, at))
+            if rate > 0.0
+            else max(wanted, min(end, at))
+            if rate < 0.0
+            else wanted
+        )
         low, high = self.params.travel_min_rad[axis], self.params.travel_max_rad[axis]
         zero = self.params.zero_rad[axis]
         wanted = min(max(round((wanted - zero) / step) * step + zero, low), high)
@@ -306,7 +334,9 @@ class Rotator:
             axis.sent, axis.sent_s, axis.direction = new, t_s, direction
         self._sent_s = t_s
         self.counts.commands += 1
-        azimuth, elevation = (angle - zero for angle, zero in zip(target, self.params.zero_rad, strict=True))
+        azimuth, elevation = (
+            angle - zero for angle, zero in zip(target, self.params.zero_rad, strict=True)
+        )
         if self.params.takes_one_turn:
             azimuth %= TURN
         self.drive.go_to((azimuth, elevation))

@@ -18,7 +18,9 @@ class RotatorModel:
     direction.
     """
 
-    def __init__(self, params: RotatorParams, resolution_rad: Pair, position_rad: Pair, t_s: float = 0.0) -> None:
+    def __init__(
+        self, params: RotatorParams, resolution_rad: Pair, position_rad: Pair, t_s: float = 0.0
+    ) -> None:
         self.params, self.resolution_rad = params, resolution_rad
         self.position_rad = list(position_rad)
         self.starts, self.reversals = [0, 0], [0, 0]
@@ -61,7 +63,8 @@ class RotatorModel:
         step = self.resolution_rad[axis]
         params, zero = self.params, self.params.zero_rad[axis]
         goal = min(
-            max(round(goal / step) * step, params.travel_min_rad[axis] - zero), params.travel_max_rad[axis] - zero
+            max(round(goal / step) * step, params.travel_min_rad[axis] - zero),
+            params.travel_max_rad[axis] - zero,
         )
         away = goal - self.position_rad[axis]
         if abs(away) <= self.params.dead_band_rad[axis]:
@@ -92,7 +95,9 @@ class SimulatedRotator(Drive):
     def __init__(self, params: DriveParams, position_rad: Pair) -> None:
         rotator = params.rotator
         first, second = (step or math.radians(1.0) for step in rotator.resolution_rad)
-        azimuth, elevation = (angle - zero for angle, zero in zip(position_rad, rotator.zero_rad, strict=True))
+        azimuth, elevation = (
+            angle - zero for angle, zero in zip(position_rad, rotator.zero_rad, strict=True)
+        )
         self.model = RotatorModel(rotator, (first, second), (azimuth, elevation))
         self.capabilities = Capabilities(
             set_points=POSITION,

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from rf_pointing.ephemeris.track import TargetSource, TopocentricTrack
     from rf_pointing.ephemeris.uncertainty import (
         ElementUncertainty,
-        SkyUncertainty,
+        known_target,
         orientation_sigma_rad,
         sky_uncertainty,
         stale_warning,

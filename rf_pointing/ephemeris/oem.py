@@ -12,7 +12,7 @@ import math
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
 
 import erfa
@@ -44,6 +44,8 @@ _SCALES = ("UTC", "TAI", "TT", "GPS", "TDB")
 _REQUIRED = ("OBJECT_NAME", "OBJECT_ID", "CENTER_NAME", "REF_FRAME", "TIME_SYSTEM", "START_TIME", "STOP_TIME")
 _CELESTIAL = ("GCRF", "ICRF", "EME2000", "J2000")
 _TEME = "TEME"
+# Axes of covariances that turn with the orbit: radial, transverse, normal, or along the velocity.
+_RADIAL, _TANGENTIAL = ("RTN", "RSW", "RIC", "UVW", "QSW"), ("TNW",)
 _J2000 = erfa.DJ00, 0.0
 # The controller's differences reach a little beyond the time that is wanted.
 EDGE_S = 1.0
@@ -323,6 +325,10 @@ def _covariance(number: int, keys: dict[str, str], lower: list[float], meta: dic
     matrix += np.tril(matrix, -1).T
     if np.min(np.diag(matrix)) < 0.0:
         raise ValueError(f"line {number}: a covariance has the variance {np.min(np.diag(matrix)):g}, must be >= 0")
+    # A file has few digits, so a correlation of one may exceed it by its rounding.
+    least = float(np.linalg.eigvalsh(matrix[:3, :3]).min())
+    if least < -1e-5 * float(matrix[:3, :3].max(initial=0.0)):
+        raise ValueError(f"line {number}: a covariance has the eigenvalue {least:g} km2, must be >= 0")
     frame = keys.get("COV_REF_FRAME") or meta["REF_FRAME"]
     tai_s = _tai_of(f"line {number}", keys.get("EPOCH", ""), meta["TIME_SYSTEM"])
     return StateCovariance(tai_s, frame.upper(), matrix * 1e6)
@@ -454,15 +460,45 @@ class OemTarget:
 
     def warnings(self, t_s: float) -> tuple[str, ...]:
         """Return what makes the position at `t_s` less certain than the message."""
-        return self._earth.warnings(t_s)
+        given = {each.frame for one in self._segments for each in one.covariances}
+        unused = [f"covariance in {each} is not used" for each in sorted(given) if not _known_axes(each)]
+        return (*self._earth.warnings(t_s), *unused)
 
-    def _earth_fixed(self, motion: StateVector, t_s: Any) -> StateVector:
-        if self._frame == _TEME:
+    @cached_property
+    def covariances(self) -> list[tuple[float, str, Array]]:
+        """Known covariances (3, 3) of the position [m^2]: UTC, frame, matrix; in order of time."""
+        every = sorted((each for one in self._segments for each in one.covariances), key=lambda each: each.tai_s)
+        spans = [(one.usable_from_s, one.usable_to_s) for one in self._segments]
+        return [
+            (utc_from_tai_s(each.tai_s), each.frame, each.matrix[:3, :3]) for each in every
+            if _known_axes(each.frame) and any(first <= each.tai_s <= last for first, last in spans)
+        ]  # fmt: skip
+
+    def axes_of(self, frame: str, t_s: float) -> Array:
+        """Return the axes (3, 3) of a covariance's frame at UTC `t_s`, in rows, Earth-fixed."""
+        if frame in _RADIAL or frame in _TANGENTIAL:
+            motion = self.motion_at(t_s)
+            position, velocity = np.array(motion.position), np.array(motion.velocity)
+            normal = np.cross(position, velocity)
+            normal /= np.linalg.norm(normal)
+            if frame in _TANGENTIAL:
+                along = velocity / np.linalg.norm(velocity)
+                return np.array([along, np.cross(normal, along), normal])
+            up = position / np.linalg.norm(position)
+            return np.array([up, np.cross(normal, up), normal])
+        still = (0.0, 0.0, 0.0)
+        units = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+        each = (self._earth_fixed(StateVector(unit, still, still, still), t_s, frame) for unit in units)
+        return np.array([axis.position for axis in each], dtype=np.float64)
+
+    def _earth_fixed(self, motion: StateVector, t_s: Any, frame: str = "") -> StateVector:
+        frame = frame or self._frame
+        if frame == _TEME:
             return earth_fixed_from_teme(motion, t_s, self._earth)
-        if self._frame.startswith("ITRF"):
+        if frame.startswith("ITRF"):
             # Its derivatives are those of the turning frame; turning back makes them inertial.
             return seen_from_rotating_axes(motion, -EARTH_RATE_RAD_S)
-        if self._frame in ("EME2000", "J2000"):
+        if frame in ("EME2000", "J2000"):
             motion = rotated(motion, _gcrs_from_j2000())
         return earth_fixed_from_gcrs(motion, t_s, self._earth)
 
@@ -529,6 +565,10 @@ def _window_size(segment: OemSegment, fallback: tuple[str, int] | None) -> tuple
             f"OEM segment of {segment.name} has {len(segment.tai_s)} states, must have {size} for {method}"
         )
     return hermite, size, degree
+
+
+def _known_axes(frame: str) -> bool:
+    return frame in (*_RADIAL, *_TANGENTIAL, *_CELESTIAL, _TEME) or frame.startswith("ITRF")
 
 
 @lru_cache(maxsize=1)

@@ -48,6 +48,16 @@ class TargetSource(Protocol):
         """Return what makes the motion at `t_s` less certain."""
 
 
+class LearnedAhead(Protocol):
+    """How far a target is ahead of its elements, as passes have taught."""
+
+    def ahead_s(self, t_s: Any) -> Any:
+        """Return the seconds at UTC `t_s`."""
+
+    def sigma_s(self, t_s: float) -> float:
+        """Return their standard deviation."""
+
+
 class TopocentricTrack:
     """A target seen from a site.
 
@@ -59,6 +69,8 @@ class TopocentricTrack:
     max_age_s : largest distance from the epoch of elements; times beyond it are refused.
     light_time : "receive" for signals arriving at `t_s`, "transmit" for signals leaving, "none".
     antenna : antenna and attitude of the satellite; None sends alike in all directions.
+    learned : what passes have taught of the time along the track; it moves the target like the
+        operator's offset, but is not shown with them.
     offsets : those of `TargetOffsets`, by name.
     """
 
@@ -73,6 +85,7 @@ class TopocentricTrack:
         light_time: str = "receive",
         orientation: EarthOrientationSource | None = None,
         antenna: SatelliteAntennaParams | None = None,
+        learned: LearnedAhead | None = None,
         **offsets: float,
     ) -> None:
         self.offsets = TargetOffsets(**offsets)
@@ -87,7 +100,7 @@ class TopocentricTrack:
         self.refraction = RadioRefraction.standard(site.altitude_m) if refraction == "standard" else refraction
         self.hold_t_s = hold_t_s
         self.light_time = light_time
-        self.antenna = antenna or SatelliteAntennaParams()
+        self.antenna, self.learned = antenna or SatelliteAntennaParams(), learned
         self._antenna = _inertial_motion_of(site, target.rotation_rate_rad_s)
         self._antenna_rows = StateVector(*(np.reshape(v, (3, 1)) for v in self._antenna.derivatives()))
 
@@ -97,9 +110,10 @@ class TopocentricTrack:
         hold_t_s: float | None = None,
         refraction: RadioRefraction | Literal["same"] | None = "same",
         antenna: SatelliteAntennaParams | None = None,
+        learned: LearnedAhead | Literal["same"] | None = "same",
         **offsets: Any,
     ) -> "TopocentricTrack":
-        """Return the same track with other offsets, refraction, hold or antenna; this one stays."""
+        """Return the same track with what is given instead; this one stays."""
         return TopocentricTrack(
             self.target,
             self.site,
@@ -107,6 +121,7 @@ class TopocentricTrack:
             refraction=self.refraction if refraction == "same" else refraction,
             light_time=self.light_time,
             antenna=antenna or self.antenna,
+            learned=self.learned if learned == "same" else learned,
             **offsets,
         )
 
@@ -116,7 +131,7 @@ class TopocentricTrack:
         Raises ValueError for times outside the target's span.
         """
         require_finite("t_s", t_s)
-        look = {name: float(value) for name, value in self._look(float(t_s)).items()}
+        look: dict[str, Any] = {name: float(value) for name, value in self._look(float(t_s)).items()}
         look["refraction_rad"] = look["elevation_rad"] - look.pop("true_elevation_rad")
         look["azimuth_rad"] = nearest_turn_rad(look["azimuth_rad"], near_azimuth_rad)
         return Target(t_s=float(t_s), name=self.name, offsets=self._offsets_text, **look)
@@ -142,7 +157,11 @@ class TopocentricTrack:
         if self.hold_t_s is not None:
             return ((-math.inf, math.inf),)
         ahead_s = self.offsets.along_track_offset_s + self.offsets.time_offset_s
-        return tuple((first - ahead_s, last - ahead_s) for first, last in self.target.spans_t_s)
+        ends = [(first - ahead_s, last - ahead_s) for first, last in self.target.spans_t_s]
+        if self.learned is None:
+            return tuple(ends)
+        learned_s = self.learned.ahead_s
+        return tuple((first - learned_s(max(first, 0.0)), last - learned_s(min(last, 1e10))) for first, last in ends)
 
     def covers(self, t_s: float) -> bool:
         """Return whether `t_s` lies in one of the spans."""
@@ -155,6 +174,8 @@ class TopocentricTrack:
     def motion_at(self, t_s: Any) -> StateVector:
         """Return the target's motion at `t_s` as `TargetSource` does, with the offsets of time."""
         later_s, ahead_s = self.offsets.time_offset_s, self.offsets.along_track_offset_s
+        if self.learned is not None:
+            ahead_s = ahead_s + self.learned.ahead_s(t_s)
         return self.target.motion_at(t_s + later_s, ahead_s)
 
     def relative_motion_at(self, t_s: Any) -> tuple[StateVector, Any, Any]:

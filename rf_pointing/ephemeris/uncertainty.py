@@ -1,28 +1,38 @@
-"""How far mean elements may be off, growing with their age, and what that is on the sky.
+"""How uncertain a target is: from the age of its elements, its covariance, or what passes taught.
 
-    sigma_along  = a0 + a1 |age| + a2 age^2
+    sigma_along  = a0 + a1 |age| + a2 age^2       with a manoeuvre dv: and 3 dv |age|, as squares
     sigma_cross  = c0 + c1 |age|
     sigma_radial = r0 + r1 |age|
 
 in metres along the velocity, along the orbit normal and upward in the orbit; projected at right
 angles to the line of sight and divided by the range.  The along-track error grows fastest because
-drag errors change the period. Source of the default size: Vallado and Cefola, "Two-line element
-sets: practice and use", IAC-12 (2012): about 1 km at epoch, growing by 1 to 3 km a day in low
-orbits.  Fit your own from passes you have tracked.
+drag errors change the period; after a change dv of the speed it grows by 3 dv (Clohessy and
+Wiltshire).  Source of the default size: Vallado and Cefola, "Two-line element sets: practice and
+use", IAC-12 (2012): about 1 km at epoch, growing by 1 to 3 km a day in low orbits.  Fit your own
+from passes you have tracked.
+
+An ephemeris brings its covariance: between two of its epochs their mean, weighted by time, in the
+axes of the orbit; outside of them the nearer one.  A learned time takes the place of the
+along-track error.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from rf_pointing.core import Params, parameter
+from rf_pointing.core import Params, SkyUncertainty, Target, parameter
 from rf_pointing.core.dates import DAY_S
+from rf_pointing.core.signals import LEAST_KNOWN_S
+from rf_pointing.core.types import Array
 from rf_pointing.ephemeris.elements import Elements
+from rf_pointing.ephemeris.oem import OemTarget
 from rf_pointing.ephemeris.state_vector import StateVector, combined, cross, dot, norm, rotated
 from rf_pointing.ephemeris.track import TopocentricTrack
+
+# Growth of the along-track error of a circular orbit for a change of the speed.
+DRIFT_OF_SPEED = 3.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,60 +49,57 @@ class ElementUncertainty(Params):
     radial_m: float = parameter(300.0, "radial sigma at the epoch", low=0.0, high=1e6)
     radial_growth_m_s: float = parameter(100.0 / DAY_S, "its growth, by default 0.1 km a day", low=0.0, high=10.0)
 
+    manoeuvre_m_s: float = parameter(
+        0.0, "speed that a manoeuvre since the epoch may have changed, one sigma; 0: none", low=0.0, high=1e3
+    )
+
     def sigmas_m(self, age_s: float) -> tuple[float, float, float]:
         """Return the along-track, cross-track and radial sigma [m] at an age of either sign."""
         age = abs(age_s)
+        grown_m = self.along_m + self.along_growth_m_s * age + self.along_drag_m_s2 * age**2
         return (
-            self.along_m + self.along_growth_m_s * age + self.along_drag_m_s2 * age**2,
+            math.hypot(grown_m, DRIFT_OF_SPEED * self.manoeuvre_m_s * age),
             self.cross_m + self.cross_growth_m_s * age,
             self.radial_m + self.radial_growth_m_s * age,
         )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SkyUncertainty:
-    """One-sigma error of the direction, as a matrix, and along and across the motion on the sky.
+def sky_uncertainty(track: TopocentricTrack, t_s: float, model: ElementUncertainty) -> SkyUncertainty | None:
+    """Return the uncertainty of a track at UTC `t_s`, None where nothing is known of it.
 
-    `covariance_rad2` is (2, 2) in the order cross-elevation, elevation.
+    A body of the sky has none, nor has an ephemeris without a covariance.
     """
-
-    age_s: float
-    along_track_rad: float
-    cross_track_rad: float
-    along_track_s: float
-    covariance_rad2: NDArray[np.float64]
-
-
-def sky_uncertainty(track: TopocentricTrack, t_s: float, model: ElementUncertainty) -> SkyUncertainty:
-    """Return the uncertainty at UTC `t_s` of a track that follows mean elements."""
-    elements = getattr(track.target, "elements", None)
-    # An ephemeris or a body has no epoch to grow old from.
-    if not isinstance(elements, Elements):
-        raise ValueError(f"{track.name} is not tracked from mean elements: their age says nothing about its error")
-    age_s = t_s - elements.epoch_t_s
+    elements, age_s = getattr(track.target, "elements", None), 0.0
+    if isinstance(elements, Elements):
+        age_s = t_s - elements.epoch_t_s
+        covariance_m2 = np.diag(np.square(model.sigmas_m(age_s)))
+    elif isinstance(track.target, OemTarget) and track.target.covariances:
+        covariance_m2 = _ephemeris_covariance_m2(track.target, t_s)
+    else:
+        return None
     orbit = rotated(track.motion_at(t_s), track.site.axes)
+    speed_m_s = float(norm(orbit.velocity))
+    if track.learned is not None:
+        covariance_m2[0, :] = covariance_m2[:, 0] = 0.0
+        covariance_m2[0, 0] = (speed_m_s * track.learned.sigma_s(t_s)) ** 2
     seen, _, _ = track.relative_motion_at(t_s)
-    on_sky = _sky_axes(seen)
-    covariance = np.zeros((2, 2))
-    for axis, sigma_m in zip(_orbit_axes(orbit), model.sigmas_m(age_s), strict=True):
-        shift = np.array([dot(on_sky[0], axis), dot(on_sky[1], axis)]) * sigma_m / norm(seen.position)
-        # The three errors are independent in the orbit, not on the sky.
-        covariance += np.outer(shift, shift)
+    on_sky, axes = _sky_axes(seen), _orbit_axes(orbit)
+    shifts = np.array([[dot(side, axis) for axis in axes] for side in on_sky]) / norm(seen.position)
+    covariance = shifts @ covariance_m2 @ shifts.T
+    covariance = 0.5 * (covariance + covariance.T)
     motion = np.array([dot(axis, seen.velocity) for axis in on_sky])
-    along = motion / np.linalg.norm(motion)
+    along = motion / max(float(np.linalg.norm(motion)), 1e-12)
     across = np.array([along[1], -along[0]])
     return SkyUncertainty(
         age_s=age_s,
-        along_track_rad=float(np.sqrt(along @ covariance @ along)),
-        cross_track_rad=float(np.sqrt(across @ covariance @ across)),
-        along_track_s=model.sigmas_m(age_s)[0] / float(norm(orbit.velocity)),
+        along_track_rad=math.sqrt(max(float(along @ covariance @ along), 0.0)),
+        cross_track_rad=math.sqrt(max(float(across @ covariance @ across), 0.0)),
+        along_track_s=math.sqrt(covariance_m2[0, 0]) / speed_m_s,
         covariance_rad2=covariance,
     )
 
 
-def place_uncertainty(
-    track: TopocentricTrack, t_s: float, covariance_m2: NDArray[np.float64], age_s: float
-) -> SkyUncertainty:
+def place_uncertainty(track: TopocentricTrack, t_s: float, covariance_m2: Array, age_s: float) -> SkyUncertainty:
     """Return what a covariance (3, 3) of the Earth-fixed position means on the sky at UTC `t_s`."""
     seen, range_m, _ = track.relative_motion_at(t_s)
     right, up = (np.array(axis, dtype=np.float64) for axis in _sky_axes(seen))
@@ -108,9 +115,31 @@ def place_uncertainty(
         age_s=age_s,
         along_track_rad=along_rad,
         cross_track_rad=float(np.sqrt(across @ covariance @ across)),
-        along_track_s=along_rad * float(range_m) / speed if speed else 0.0,
+        along_track_s=min(along_rad * float(range_m) / speed, LEAST_KNOWN_S) if speed else 0.0,
         covariance_rad2=covariance,
     )
+
+
+def known_target(track: TopocentricTrack, t_s: float, model: ElementUncertainty) -> Target:
+    """Return the target at UTC `t_s` with its uncertainty; ValueError outside its spans."""
+    return replace(track.target_at(t_s), uncertainty=sky_uncertainty(track, t_s, model))
+
+
+def _ephemeris_covariance_m2(target: OemTarget, t_s: float) -> Array:
+    """Return the covariance (3, 3) along the velocity, the orbit normal and upward."""
+    known = target.covariances
+    times = np.array([each_s for each_s, _, _ in known])
+    after = int(np.clip(np.searchsorted(times, t_s), 1, len(known) - 1)) if len(known) > 1 else 0
+    rows = sorted({max(after - 1, 0), after})
+    first_s, last_s = times[rows[0]], times[rows[-1]]
+    share = float(np.clip((t_s - first_s) / (last_s - first_s), 0.0, 1.0)) if len(rows) > 1 else 0.0
+    found = []
+    for row in rows:
+        then_s, frame, matrix_m2 = known[row]
+        # In the axes of the orbit a covariance changes slowly; in those of the sky once an orbit.
+        turn = np.array(_orbit_axes(target.motion_at(then_s))) @ target.axes_of(frame, then_s).T
+        found.append(turn @ matrix_m2 @ turn.T)
+    return np.asarray((1.0 - share) * found[0] + share * found[-1])
 
 
 def stale_warning(
@@ -120,10 +149,9 @@ def stale_warning(
 
     The error is one sigma on the sky, in beamwidths where one is given.
     """
-    if not isinstance(getattr(track.target, "elements", None), Elements):
-        return ""
     sky = sky_uncertainty(track, t_s, model)
-    if abs(sky.age_s) <= stale_s:
+    # An ephemeris has no age, and one learned time makes old elements good again.
+    if sky is None or abs(sky.age_s) <= stale_s or track.learned is not None:
         return ""
     error = error_text(sky.along_track_rad, beamwidth_rad)
     return f"elements of {track.name} are stale: {abs(sky.age_s) / DAY_S:.1f} days from their epoch, {error}"

@@ -1,25 +1,24 @@
 """Executable `ephemeris_publisher`: where the target will be, and when it passes.
 
-Publishes: target (10 Hz, ahead of time while above the mask; direction, rates, range, Doppler,
-light time, refraction and covariance), passes, pass_profiles (latched).
-Subscribes, where source.refraction is measured: weather/temperature, weather/pressure and
-weather/humidity (sensor_msgs/Temperature, FluidPressure, RelativeHumidity) in place of
-source.weather.  Where source.antenna has a width: satellite_attitude in place of its roll, pitch
-and yaw.
-Services: ~/select_target (rf_pointing_msgs/SelectTarget): choose the satellite and get its passes;
-~/clear_offsets (std_srvs/Trigger), ~/keep_offsets, ~/recall_offsets, ~/forget_offsets (Named).
+Publishes: target (10 Hz, ahead of time while above the mask), passes, pass_profiles (latched).
+Subscribes: tracking_status, for what a pass teaches of the time along the orbit; where
+source.refraction is measured: weather/temperature, weather/pressure and weather/humidity; where
+source.antenna has a width: satellite_attitude in place of its roll, pitch and yaw.
+Services: ~/select_target (SelectTarget): choose the satellite and get its passes; ~/clear_offsets,
+~/forget_learned (std_srvs/Trigger), ~/keep_offsets, ~/recall_offsets, ~/forget_offsets (Named).
 Parameters: source.* (elements or ephemeris, object, station; offsets, hold, weather and antenna,
 live, read back on /diagnostics with the age of the elements and what it means on the sky; newer
 elements of an address, or of files that were replaced, come into force between two passes),
-publisher.* (lead, rate, mask, how far to look, state_file), mask.* (the horizon by azimuth, as
-pointing_controller's: a pass begins and ends above both), uncertainty.* (errors against the age).
+publisher.* (lead, rate, mask, how far to look, state_file and learned_file: what outlives the
+node), mask.* (the horizon by azimuth: a pass begins and ends above both), uncertainty.* (position
+errors of elements against their age).
 """
 
 from collections.abc import Callable
 from functools import partial
 from typing import Any
 
-from rf_pointing_msgs.msg import Attitude, PassList, PassProfileList, Target
+from rf_pointing_msgs.msg import Attitude, PassList, PassProfileList, Target, TrackingStatus
 from rf_pointing_msgs.srv import Named, SelectTarget
 from sensor_msgs.msg import FluidPressure, RelativeHumidity, Temperature
 from std_srvs.srv import Trigger
@@ -74,6 +73,9 @@ class EphemerisPublisher(StationNode):
             self.listen(kind, topic, take, STREAM, required=True)
         if source.antenna.half_power_beamwidth_rad > 0.0:
             self.listen(Attitude, SATELLITE_ATTITUDE, self._on_attitude, STREAM)
+        held, take_held = convert.held_direction_from_message, self.prediction.take_tracking
+        self.listen(TrackingStatus, "tracking_status", lambda m: take_held(m.target, held(m)), STREAM)
+        self.serve_action(Trigger, "~/forget_learned", lambda _: self.prediction.forget_learned(self.now_s()))
         self.serve(SelectTarget, "~/select_target", self._on_select)
         for word, act in self.prediction.about_offsets.items():
             kind = Trigger if word == "clear" else Named
@@ -88,19 +90,16 @@ class EphemerisPublisher(StationNode):
         self.every(RENEWAL_S, self._renew)
 
     def _publish(self, now_s: float) -> None:
-        found = self.prediction.target_at(now_s)
-        if found is not None:
-            self._targets.publish(convert.target_to_message(*found))
+        if (found := self.prediction.target_at(now_s)) is not None:
+            self._targets.publish(convert.target_to_message(found))
 
     def _show(self, passes: list[Pass] | None, profiles: list[PassProfile]) -> None:
         stamp = stamp_from_seconds(self.now_s())
         if passes is not None:
-            message = PassList(
-                target=passes[0].name, passes=[convert_planning.pass_to_message(each) for each in passes]
-            )
+            message = PassList(target=passes[0].name, passes=list(map(convert_planning.pass_to_message, passes)))
             message.header.stamp = stamp
             self._passes.publish(message)
-        shown = PassProfileList(profiles=[convert_planning.profile_to_message(each) for each in profiles])
+        shown = PassProfileList(profiles=list(map(convert_planning.profile_to_message, profiles)))
         shown.header.stamp = stamp
         self._profiles.publish(shown)
 

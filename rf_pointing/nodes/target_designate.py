@@ -9,6 +9,8 @@ the only target that is known.
 Parameters: designate.* (addresses of the sources, class of the target, errors of the reports).
 """
 
+from dataclasses import replace
+
 import numpy as np
 from geometry_msgs.msg import TwistStamped
 from rf_pointing_msgs.msg import PassList, PassProfileList, Target
@@ -67,7 +69,7 @@ class TargetDesignate(StationNode):
             self.log_once("target not selected", str(error))
         found = self._target.target_at(now_s)
         if found is not None:
-            self._targets.publish(convert.target_to_message(*found))
+            self._targets.publish(convert.target_to_message(replace(found[0], uncertainty=found[1])))
 
     def _show(self, passes: list[Pass], profiles: list[PassProfile]) -> None:
         messages = [convert_planning.pass_to_message(each) for each in passes]

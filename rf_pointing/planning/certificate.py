@@ -44,12 +44,21 @@ class SensorCost:
     on the axis while it does.  A crossing that takes longer than `memory_s` costs it the target:
     the mount's errors are others on the other side of the sky.  `carrier_to_noise_db_hz` is the
     least and the most that the link gives on the pass, () if it is not known.
+
+    Nine passes of ten do without more than `unheld_90_s` and with at least `power_90`: what is
+    known of the target decides.  `unheld_s` is the mean; a search moves by `search_rad_s` at most.
     """
 
     acquisition_s: float = 0.0
     power: float = 1.0
     memory_s: float = math.inf
     carrier_to_noise_db_hz: tuple[float, ...] = ()
+    unheld_s: float = 0.0
+    unheld_90_s: float = 0.0
+    power_90: float = 1.0
+    search_rad_s: float = 0.0
+    fresh: "SensorCost | None" = None
+    """The same on fresh elements, where those in use are older."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,6 +92,16 @@ class Branch:
     late_s: float
     acquisition_s: float
     reasons: tuple[str, ...]
+    held_s: float | None = None
+    """Seconds within half power to expect, None in a certificate from the wire, as what follows."""
+    held_90_s: float | None = None
+    """Seconds that nine passes of ten hold, by what is known of the target."""
+    loss_90_db: float | None = None
+    fresh_held_90_s: float | None = None
+    """The same on fresh elements, None where those in use are."""
+    fresh_loss_90_db: float | None = None
+    search_rate_rad_s: tuple[float, ...] = ()
+    """Largest rates of the axes with a search on top of the target's motion."""
     # Arrays do not compare to one truth value, and a certificate from the wire has none.
     crossing: Crossing | None = field(default=None, compare=False)
     axes_rad: Array | None = field(default=None, compare=False)
@@ -255,6 +274,8 @@ class _Certifier:
             unwind_s=self.machine.slew_s((end[0], 0.0), (math.remainder(end[0], TURN), 0.0)),
             late_s=late_s,
             acquisition_s=acquisition_s,
+            **self._probable(loss, late_s, left_s),
+            search_rate_rad_s=self._search_rate(motion.required[1][first:], ahead[:, 1]),
             reasons=(
                 *reasons,
                 *self._too_little(loss.lost_s, late_s, left_s),
@@ -272,6 +293,31 @@ class _Certifier:
         received_s = max(left_s - blind_s - loss.lost_signal_s, 0.0) * self.cost.power
         held = PassOutcome(left_s - blind_s - off_s, off_s, received_s)
         return held + PassOutcome.unseen(blind_s)
+
+    def _probable(self, loss: CrossingLoss, late_s: float, left_s: float) -> dict[str, float]:
+        """Return the seconds held on average and in nine passes of ten, and the loss in these."""
+        free_s = left_s - min(late_s, left_s) - min(loss.lost_s, left_s)
+        found = {"held_s": max(free_s - self.cost.unheld_s, 0.0)}
+        for name, cost in (("", self.cost), ("fresh_", self.cost.fresh)):
+            if cost is None:
+                continue
+            worst = dataclasses.replace(self, cost=dataclasses.replace(cost, power=cost.power_90))
+            # Program track alone is on the pass all the time; what it misses is in its power.
+            blind_s = late_s + cost.unheld_90_s * bool(cost.search_rad_s)
+            found[f"{name}held_90_s"] = max(free_s - cost.unheld_90_s, 0.0)
+            found[f"{name}loss_90_db"] = worst._expected(loss, blind_s, left_s).mean_loss_db
+        return found
+
+    def _search_rate(self, rates: Array, elevation: Array) -> tuple[float, float]:
+        """Return the largest rates of the axes while the target is searched for."""
+        if not self.cost.search_rad_s:
+            return _peaks(rates)
+        # Near the zenith a step across the line of sight is any angle of the azimuth, whose limit
+        # holds.
+        stretch = np.column_stack([1.0 / np.maximum(np.abs(np.cos(elevation)), 1e-6), np.ones(len(elevation))])
+        azimuth, up = _peaks(np.abs(rates) + self.cost.search_rad_s * stretch)
+        most = self.machine.rate_limit_rad_s
+        return min(azimuth, most[0]), min(up, most[1])
 
     def _too_little(self, lost_s: float, late_s: float, left_s: float) -> tuple[str, ...]:
         """Return why too little of the pass would be received, () when it is enough."""

@@ -12,6 +12,8 @@ COLUMNS = (
     f"  {'branch':<17}{'azimuth deg':>17}{'elevation deg':>16}{'rate az el deg/s':>18}{'closest limit':>35}"
     f"{'mask':>7}{'Sun':>7}{'keyhole':>9}{'lost':>8}{'slew':>7}{'unwind':>8}"
 )
+# From here on fresh elements are worth a word.
+WORTH_S, WORTH_DB = 5.0, 0.2
 # What is left out or, `reasons`, goes under the name that it has in the file and on the wire.
 NOT_PLAIN = ("crossing", "axes_rad", "branches", "machine", "reasons")
 
@@ -53,6 +55,16 @@ def certificate_lines(certificate: Certificate) -> list[str]:
     for fixed in certificate.machine.fixed_elevation_rad:
         verdict += f"; elevation fixed at {math.degrees(fixed):.1f} deg: {chosen.lost_s:.0f} s below half power"
     verdict += f"; expected pointing loss {chosen.mean_loss_db:.2f} dB"
+    if chosen.held_s is not None and chosen.held_90_s is not None and chosen.loss_90_db is not None:
+        verdict += (
+            f"; {chosen.held_s:.0f} s held, {chosen.held_90_s:.0f} s and at most {chosen.loss_90_db:.2f} dB with 90 %"
+        )
+        if chosen.fresh_held_90_s is not None and chosen.fresh_loss_90_db is not None:
+            more_s, less_db = chosen.fresh_held_90_s - chosen.held_90_s, chosen.loss_90_db - chosen.fresh_loss_90_db
+            if more_s >= WORTH_S or less_db >= WORTH_DB:
+                verdict += f"; fresh elements would bring {max(more_s, 0.0):.0f} s and {max(less_db, 0.0):.2f} dB"
+    if chosen.search_rate_rad_s and chosen.search_rate_rad_s != chosen.peak_rate_rad_s:
+        verdict += f"; in a search up to {_pair(chosen.search_rate_rad_s)} deg/s"
     if certificate.carrier_to_noise_db_hz:
         least, most = certificate.carrier_to_noise_db_hz
         verdict += f", C/N0 {least:.1f} to {most:.1f} dB-Hz"
@@ -94,5 +106,5 @@ def _row(branch: Branch) -> str:
     )
 
 
-def _pair(values: tuple[float, float]) -> str:
+def _pair(values: tuple[float, ...]) -> str:
     return " ".join(f"{math.degrees(value):.3g}" for value in values)

@@ -5,7 +5,7 @@ unit vector has none.  So the table is refined on the vector u(t), a quintic thr
 and acceleration, and turned back into angles.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -24,6 +24,8 @@ class PassProfile:
 
     Columns are azimuth, elevation; units rad, rad/s, rad/s^2.  `range_m` (n,) is its distance,
     `satellite_gain_db` (n,) that of its antenna towards the station, against the antenna's axis.
+    The target may be early or late by `along_sigma_s` and off its track by `cross_sigma_m`, one
+    sigma each, 0 where nothing is known.
     """
 
     name: str
@@ -34,6 +36,8 @@ class PassProfile:
     sun_rad: Array
     range_m: Array
     satellite_gain_db: Array
+    along_sigma_s: float = 0.0
+    cross_sigma_m: float = 0.0
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "t_s", as_finite_array("t_s", self.t_s, (None,)))
@@ -75,8 +79,8 @@ class PassProfile:
         sun = unit_vector_from_azel(*self.sun_rad.T)
         # The Sun moves 0.25 deg in a minute: straight lines between its directions do.
         east, north, up = (np.interp(times, self.t_s, part) for part in sun.T)
-        return PassProfile(
-            name=self.name,
+        return replace(
+            self,
             t_s=times,
             position_rad=position,
             velocity_rad_s=velocity,

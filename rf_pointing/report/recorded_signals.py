@@ -20,6 +20,7 @@ from rf_pointing.core import (
     MonopulseCluster,
     PointingError,
     Sensor,
+    SkyUncertainty,
     Target,
 )
 from rf_pointing.core.types import Array
@@ -101,6 +102,16 @@ def _cluster(message: Any) -> MonopulseCluster:
     return MonopulseCluster(t_s=t_s, carrier_to_noise_db_hz=message.carrier_to_noise, **parts)
 
 
+def _uncertainty(message: Any) -> SkyUncertainty | None:
+    if not len(message.covariance):
+        return None
+    return SkyUncertainty(
+        covariance_rad2=np.reshape(message.covariance, (2, 2)), age_s=message.element_age,
+        along_track_rad=message.along_track_sigma, cross_track_rad=message.cross_track_sigma,
+        along_track_s=message.along_track_time_sigma,
+    )  # fmt: skip
+
+
 @dataclass(frozen=True)
 class DriveStatus:
     """Rate command (2,) of both axes at `t_s`, and the counts of a drive that takes positions."""
@@ -126,7 +137,7 @@ _WHOLE = dict.fromkeys(("rises_before", "sets_after"), lambda _: False)
 _PASS = _maker(Pass, name=lambda m: m.target, **_WHOLE)
 _ERROR = _maker(PointingError, covariance_rad2=lambda m: np.reshape(m.covariance, (2, 2)))
 MAKERS: dict[str, Callable[[Any], Any]] = {
-    "target": _maker(Target, name=lambda m: m.target),
+    "target": _maker(Target, name=lambda m: m.target, uncertainty=_uncertainty),
     "joint_states": _joints,
     "joint_trajectory": _trajectory,
     "antenna_status": _maker(DriveStatus),

@@ -26,7 +26,7 @@ from rf_pointing.station.derive.nodes import NODES
 from rf_pointing.station.description import StationDescription, read_station, shipped_stations
 from rf_pointing.station.description.description import OF_EVERY_NODE
 
-NOT_OF_THE_PASS = (*OF_EVERY_NODE, "command_key_file", "certificate_folder")
+NOT_OF_THE_PASS = (*OF_EVERY_NODE, "command_key_file", "certificate_folder", "publisher.learned_file")
 SAME_TARGET_RAD, SLOW_S = 1e-9, 10.0
 Changes = Mapping[str, Mapping[str, object]]
 
@@ -58,6 +58,7 @@ class RecordedCase:
         self._remark_damage()
         self.seconds = self.window.los_t_s - self.start_s
         self.track = self._track()
+        self.recorded_target = isinstance(self.track, RecordedTrack)
         # A simulated satellite is where its own source says, with the offsets of the run.
         if isinstance(self.track, RecordedTrack) and not self.simulated:
             self._truth = self.track.shifted(*self._off_prediction())
@@ -213,6 +214,6 @@ class RecordedCase:
         signals, began_s = Signals(), time.process_time()
         simulate_pass(
             setup, self.window, self.start_s, sensor or self.recorded.sensor,
-            on_signal=signals.take, track=self.track,
+            on_signal=signals.take, track=self.track if self.recorded_target else None,
         )  # fmt: skip
         return signals, time.process_time() - began_s

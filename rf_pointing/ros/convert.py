@@ -24,7 +24,6 @@ from rf_pointing.ros.stamps import seconds_from_stamp, stamp_from_seconds
 from rf_pointing.station.pointing.status import TrackingStatus
 
 if TYPE_CHECKING:
-    from rf_pointing.ephemeris import SkyUncertainty
     from rf_pointing.ephemeris.solar import SunPermit
 
 Signal = TypeVar("Signal")
@@ -87,7 +86,7 @@ def _read(value: Any, kind: Any) -> Any:
     return tuple(np.array(value).tolist()) if get_origin(kind) is tuple else value
 
 
-_target_to_message, target_from_message = pair(core.Target, ours.Target, name="target")
+_target_to_message, _target_from_message = pair(core.Target, ours.Target, name="target", uncertainty=None)
 boresight_to_message, boresight_from_message = pair(core.Boresight, ours.Boresight)
 power_to_message, _power_from_message = pair(core.CarrierPower, ours.CarrierPower, integration_s="integration_time")
 error_to_message, _error_from_message = pair(core.PointingError, ours.PointingError)
@@ -105,15 +104,40 @@ def sun_permit_from_message(message: ours.AntennaStatus) -> "SunPermit | None":
     return SunPermit(by=message.sun_permit, band=message.sun_permit_band, until_t_s=until_t_s)
 
 
-def target_to_message(target: core.Target, uncertainty: "SkyUncertainty | None" = None) -> ours.Target:
-    """Return the target, with what the age of its elements means on the sky if that is known."""
+def target_to_message(target: core.Target) -> ours.Target:
+    """Return the target, with how uncertain its direction is where that is known."""
     message = _target_to_message(target, light_time=target.light_time_s, doppler_factor=target.doppler_factor)
-    if uncertainty is not None:
-        message.covariance = uncertainty.covariance_rad2.ravel().tolist()
-        message.element_age, message.along_track_time_sigma = uncertainty.age_s, uncertainty.along_track_s
-        message.along_track_sigma = uncertainty.along_track_rad
-        message.cross_track_sigma = uncertainty.cross_track_rad
+    if (known := target.uncertainty) is not None:
+        message.covariance = known.covariance_rad2.ravel().tolist()
+        message.element_age, message.along_track_time_sigma = known.age_s, known.along_track_s
+        message.along_track_sigma, message.cross_track_sigma = known.along_track_rad, known.cross_track_rad
     return message
+
+
+def target_from_message(message: ours.Target) -> core.Target:
+    known = None
+    if len(message.covariance):
+        if len(message.covariance) != 4:
+            raise ValueError(f"covariance has {len(message.covariance)} values, must have 4 or none")
+        known = core.SkyUncertainty(
+            covariance_rad2=np.array(message.covariance).reshape(2, 2), age_s=message.element_age,
+            along_track_rad=message.along_track_sigma, cross_track_rad=message.cross_track_sigma,
+            along_track_s=message.along_track_time_sigma,
+        )  # fmt: skip
+    return _target_from_message(message, uncertainty=known)
+
+
+def held_direction_from_message(message: ours.TrackingStatus) -> core.HeldDirection | None:
+    """Return the direction in which a sensor holds the target, None while none does."""
+    # Imported here: a node without a controller needs no table of sensors.
+    from rf_pointing.tracking.sensors import SENSORS
+
+    if not (message.held and message.mode in SENSORS):
+        return None
+    return core.HeldDirection(
+        t_s=seconds_from_stamp(message.header.stamp), azimuth_rad=message.azimuth, elevation_rad=message.elevation,
+        beamwidth_rad=message.beamwidth,
+    )  # fmt: skip
 
 
 def satellite_quaternion_from_message(message: ours.Attitude) -> tuple[float, float, float, float]:

@@ -28,9 +28,10 @@ _scheduled_to_message, _scheduled_from_message = pair(
 _certificate_to_message, _certificate_from_message = pair(
     Certificate, ours.PassCertificate, name="target", issued_t_s=None, branches=None, machine=None
 )
-_branch_to_message, _branch_from_message = pair(
-    Branch, ours.PassBranch, reasons="refusals", crossing=None, axes_rad=None
-)
+# What is known of the target is in the certificate's file and text, not on the wire.
+_NOT_SENT = ("crossing", "axes_rad", "held_s", "held_90_s", "loss_90_db", "fresh_held_90_s", "fresh_loss_90_db",
+             "search_rate_rad_s")  # fmt: skip
+_branch_to_message, _branch_from_message = pair(Branch, ours.PassBranch, reasons="refusals", **dict.fromkeys(_NOT_SENT))
 
 
 def scheduled_to_message(item: ScheduledPass) -> ours.ScheduledPass:

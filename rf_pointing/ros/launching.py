@@ -331,6 +331,7 @@ def _kept(name: str, folder: Path, namespace: str) -> dict[str, str]:
     return {
         "antenna_servo": files,
         "pointing_controller": key,
+        "ephemeris_publisher": {"publisher.learned_file": str(own / "learned_times.json")},
         ROTCTLD: key,
         ALARMS: {"folder": nights},
         EXECUTIVE: {

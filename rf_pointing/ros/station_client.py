@@ -71,6 +71,8 @@ ABOUT_ONE = ("skip", "ack")
 """Requests that name a pass or an alarm."""
 LOST = ("lost", "missed", "weather")
 """States of the passes of a night that were not tracked."""
+TARGET_CHECK = "ephemeris_publisher: target"
+"""Check on /diagnostics with the numbers behind the target."""
 TOPICS = {
     SCHEDULE: (Schedule, LATCHED),
     EXECUTIVE_STATUS: (ExecutiveStatus, STATUS),
@@ -115,15 +117,24 @@ class StationClient(GraphRun):
             print(text)
         return True
 
-    def show_status(self, *, watch: bool = False, as_json: bool = False) -> bool:
-        """Print what the station does, with `watch` once a second; return whether all is well."""
-        self._look("antenna_status", "tracking_status", EXECUTIVE_STATUS)
+    def show_status(self, *, watch: bool = False, as_json: bool = False, forget: bool = False) -> bool:
+        """Print what the station does, with `watch` once a second; return whether all is well.
+
+        With `forget` drop what passes taught of the target instead.
+        """
+        if forget:
+            return self.ask("ephemeris_publisher/forget_learned")
+        self._hear_of_target()
+        # A line a second and a script wait for no diagnostics.
+        more = () if watch or as_json else (TARGET_CHECK,)
+        self._look("antenna_status", "tracking_status", EXECUTIVE_STATUS, *more)
         if "antenna_status" not in self.newest:
             raise TimeoutError(f"no antenna in {self.place}")
         while True:
             tracking = self.newest.get("tracking_status", TrackingStatus())
             executive = self.newest.get(EXECUTIVE_STATUS, ExecutiveStatus(state="none"))
             values = status_values(self.newest["antenna_status"], tracking, executive)
+            values["learned"] = self.newest.get(TARGET_CHECK, {}).get("learned", "")
             print(json.dumps(values) if as_json else status_text(values), flush=True)
             if not watch or self.stopping:
                 return not values["fault"] and all(each["level"] != 2 for each in values["alarms"])
@@ -287,18 +298,21 @@ class StationClient(GraphRun):
         return bool(answer.successful)
 
     def _show_offsets(self) -> bool:
-        found: dict[str, str] = {}
+        self._hear_of_target()
+        self.until(lambda: TARGET_CHECK in self.newest, "ephemeris_publisher on /diagnostics")
+        for name in (*leaves(TargetOffsets()), "offset_sets"):
+            print(f"{name}: {self.newest[TARGET_CHECK].get(name, '')}")
+        return True
+
+    def _hear_of_target(self) -> None:
+        """Keep the newest values of the publisher's check of its target."""
 
         def note(message: DiagnosticArray) -> None:
             for status in message.status:
-                if status.name.endswith("ephemeris_publisher: target"):
-                    found.update({pair.key: pair.value for pair in status.values})
+                if status.name.endswith(TARGET_CHECK):
+                    self.newest[TARGET_CHECK] = {pair.key: pair.value for pair in status.values}
 
         self.node.create_subscription(DiagnosticArray, "/diagnostics", note, 100)
-        self.until(lambda: found, "ephemeris_publisher on /diagnostics")
-        for name in (*leaves(TargetOffsets()), "offset_sets"):
-            print(f"{name}: {found.get(name, '')}")
-        return True
 
     def track(
         self,

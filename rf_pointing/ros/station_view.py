@@ -101,6 +101,7 @@ def target_values(target: ours.Target) -> dict[str, Any]:
         "name": target.target, "position_deg": degrees((target.azimuth, target.elevation), 3),
         "range_km": round(target.range / 1e3, 1), "range_rate_m_s": round(target.range_rate, 1),
         "age_h": round(target.element_age / 3600.0, 1) if target.covariance else None,
+        "along_sigma_s": round(target.along_track_time_sigma, 3) if target.covariance else None,
     }  # fmt: skip
 
 
@@ -168,8 +169,8 @@ def status_text(values: dict[str, Any]) -> str:
         f"{values['utc'][:19]}  antenna {values['antenna']} az {values['azimuth_deg']:.2f} el {values['elevation_deg']:.2f} deg"
         f"  {values['tracking'] or 'no controller'} {values['target']}  executive {values['executive']}: {doing}"
     ]
-    named = ("fault", "warning", "sun_permitted")
-    lines += [f"  {name.replace('_', ' ')}: {values[name]}" for name in named if values[name]]
+    named = ("fault", "warning", "sun_permitted", "learned")
+    lines += [f"  {name.replace('_', ' ')}: {values[name]}" for name in named if values.get(name)]
     lines += [
         f"  {('', 'warning', 'ERROR')[each['level']]} {each['name']}: {each['message']}"
         + (" (acknowledged)" if each["acknowledged"] else "")

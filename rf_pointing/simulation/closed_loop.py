@@ -7,10 +7,11 @@ it, `PointedAntenna`.
 import itertools
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import NamedTuple, Protocol, TypeVar
 
-from rf_pointing.core import Boresight, JointReading, JointTrajectory, Target
-from rf_pointing.ephemeris import TopocentricTrack
+from rf_pointing.core import Boresight, JointReading, JointTrajectory, SkyUncertainty, Target
+from rf_pointing.ephemeris import ElementUncertainty, TopocentricTrack, sky_uncertainty
 from rf_pointing.station.antenna.drive_antenna import DriveAntenna
 from rf_pointing.station.antenna.simulated_antenna import SimulatedAntenna
 from rf_pointing.station.pointing.controller import PointingController
@@ -20,6 +21,10 @@ Output = TypeVar("Output", covariant=True)
 
 TARGET_LEAD_S = 2.0
 """How far ahead the controller gets the target: its trajectories reach 1 s ahead."""
+
+
+UNCERTAINTY_STEP_S = 1.0
+"""Steps in which the uncertainty of the target is computed."""
 
 
 class TickedAntenna(Protocol[Output]):
@@ -55,7 +60,7 @@ class PointedAntenna:
     """An antenna and the controller that points it; tick `k` is at `start_s` + k periods.
 
     The controller gets the target once a period, `TARGET_LEAD_S` ahead, the first one not before
-    `targets_from_s`.
+    `targets_from_s`, with the uncertainty that the `law` gives to it.
 
     The order within a tick is the order in which messages arrive in the graph: first the antenna,
     then, when its period is due, the controller, whose trajectory begins in the future.
@@ -68,9 +73,12 @@ class PointedAntenna:
         track: TopocentricTrack,
         start_s: float,
         targets_from_s: float = -math.inf,
+        law: ElementUncertainty | None = None,
     ) -> None:
         self.antenna, self.controller = antenna, controller
         self._track, self._start_s, self._targets_from_s = track, start_s, targets_from_s
+        self._law, self._known_at_s = law, -math.inf
+        self._uncertainty: SkyUncertainty | None = None
         self._every = round(controller.params.pointing.period_s / antenna.params.tick_s)
         self._known = antenna.reading(start_s)
         controller.take_joints(self._known)
@@ -92,10 +100,17 @@ class PointedAntenna:
         # A real publisher predicts no target long before the pass.
         target = None
         if t_s + TARGET_LEAD_S >= self._targets_from_s:
-            target = self._track.target_at(round(t_s + TARGET_LEAD_S, 6))
+            target = self._target_at(round(t_s + TARGET_LEAD_S, 6))
             self.controller.take_target(target)
         trajectory, status = self.controller.step(t_s)
         # Accepted at once: it begins a tenth of a second ahead, longer than any transport.
         if trajectory is not None:
             self.antenna.accept(trajectory, t_s)
         return PointedTick(t_s, reading, boresight, status, trajectory, target)
+
+    def _target_at(self, t_s: float) -> Target:
+        # It changes slowly, and costs as much as the target.
+        if self._law is not None and t_s - self._known_at_s >= UNCERTAINTY_STEP_S:
+            self._known_at_s, self._uncertainty = t_s, sky_uncertainty(self._track, t_s, self._law)
+        target = self._track.target_at(t_s)
+        return target if self._uncertainty is None else replace(target, uncertainty=self._uncertainty)

@@ -175,7 +175,9 @@ def commanded(
     readings = joints.until(busy[0]) or signals.of("joint_states")[:1]
     before: JointReading = readings[0]
     controller.take_joints(before)
-    controller.plan.take_profiles([pass_profile(track, window)])
+    own = setup.sets("ephemeris_publisher")["uncertainty"]
+    law = None if isinstance(track, RecordedTrack) else own
+    controller.plan.take_profiles([pass_profile(track, window, law=law)])
     controller.start(round(busy[0] - period_s, 6), window, sensor)
     found = []
     for status in (each for each in signals.of("tracking_status") if each.t_s >= busy[0]):

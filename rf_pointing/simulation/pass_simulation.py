@@ -17,7 +17,8 @@ from rf_pointing.core import PointingError, Sensor
 from rf_pointing.core.parameters import read_parameter_files
 from rf_pointing.core.types import Array
 from rf_pointing.drives import make_drive, simulated, takes_positions
-from rf_pointing.ephemeris import Pass, TopocentricTrack
+from rf_pointing.ephemeris import ElementUncertainty, Pass, TopocentricTrack
+from rf_pointing.ephemeris.learned_times import LearnedTimes
 from rf_pointing.ephemeris.source import load_track
 from rf_pointing.planning import Certificate
 from rf_pointing.receiver.registry import SAMPLES as SAMPLED
@@ -57,6 +58,8 @@ class PassLog:
     """The fault that was latched at the end, "" without one."""
     ended: str = ""
     """Why the controller has ended the pass, "" where the log ends before."""
+    learned: str = ""
+    """The time along the orbit that the pass has taught, in words."""
 
     def errors_rad(self, *modes: str) -> Array:
         """Return the true errors (n, 2) of the clusters in these modes (all when none is named)."""
@@ -197,8 +200,14 @@ def simulate_pass(
     `on_signal` is called with the topic of the graph and every signal that would be sent on it.
     The controller predicts by the `track`, by default that of the setup.
     """
-    track, sensor = track or setup.track(), setup.station.chosen_sensor(sensor, setup.band)
+    given, sensor = track, setup.station.chosen_sensor(sensor, setup.band)
+    track = given or setup.track()
     send = on_signal or (lambda _topic, _signal: None)
+    publisher = setup.sets("ephemeris_publisher")
+    lesson = LearnedTimes(publisher["publisher"].learned_file)
+    law: ElementUncertainty | None = None if given is not None else publisher["uncertainty"]
+    # A track of the caller's is what it is: no law of elements, and nothing learned of them.
+    believed = lesson.applied(track, window.tca_t_s, law) if law is not None else track
     if sensor == Sensor.ARRAY and setup.array is None:
         raise ValueError("sensor=array needs an array: what measures the receptions with it is not given")
     antenna, receiver, controller = setup.antenna(), setup.receiver(), setup.controller()
@@ -207,8 +216,8 @@ def simulate_pass(
     # Before the controller starts: its certificate begins at the axes' present angles.
     antenna.enable()
     log = PassLog()
-    pointed = PointedAntenna(antenna, controller, track, start_t_s, window.aos_t_s - EARLY_TARGET_S)
-    controller.plan.take_profiles([pass_profile(track, window)])
+    pointed = PointedAntenna(antenna, controller, believed, start_t_s, window.aos_t_s - EARLY_TARGET_S, law)
+    controller.plan.take_profiles([pass_profile(believed, window, law=law)])
     controller.start(start_t_s, window, sensor, scan)
     send("joint_states", antenna.reading(start_t_s))
     log.certificate = controller.plan.certificate
@@ -218,6 +227,8 @@ def simulate_pass(
         if status is not None:
             # A cluster is noted under the mode of the newest period before its end.
             mode = status.mode
+            if (held := status.held_direction) is not None:
+                lesson.take(held)
             carrier.take_status(status.t_s, status.scan_centre_rad, status.offset_rad, status.mode, status.sensor)
             send("antenna_status", antenna.status(tick.t_s))
             send("tracking_status", status)
@@ -253,5 +264,7 @@ def simulate_pass(
                 on_reception(reception)
         if scan is not None and not controller.busy:
             break
+    if law is not None:
+        log.learned = lesson.end_pass(track, law)
     log.fault, log.ended = antenna.safety.latch.text, controller.statistics.reason
     return log

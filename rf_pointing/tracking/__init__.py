@@ -11,6 +11,14 @@ if TYPE_CHECKING:
     from rf_pointing.tracking.monopulse_scan import MonopulseScanParams
     from rf_pointing.tracking.search import SpiralParams, SpiralSearch, StripSearch
     from rf_pointing.tracking.steptrack import StepTrackParams
-    from rf_pointing.tracking.trim import SkyMotion, TrimFilter, TrimParams, direction_rows
+    from rf_pointing.tracking.trim import (
+        SkyMotion,
+        TrackPath,
+        TrimFilter,
+        TrimParams,
+        direction_rows,
+        prior_for,
+        prior_of,
+    )
 
 __getattr__ = lazily(__name__, __file__)

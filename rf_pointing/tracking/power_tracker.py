@@ -41,6 +41,8 @@ LARGEST_LEAD_S = 5.0
 STEPPED_BACK_S = 60.0
 # Farther from its origin a sample is not well described by the beam near its axis.
 LARGEST_SHIFT_BEAMWIDTHS = 0.1
+# No loop moves the beam so far between two statuses.
+JUMP_BEAMWIDTHS = 0.1
 # An answer to the centre's motion that is not of its size is the target's own motion.
 GAIN_TOLERANCE = 0.3
 
@@ -133,6 +135,14 @@ class PowerTracker:
             self._centre.clear()
             self.conscan.reset()
             self.steptrack.reset()
+            self._forget_delay()
+        # The prediction went ahead to where the target was found: samples from before it are about
+        # another place.
+        jump = offset_rad - (self._centre.values[-1] if self._centre.times else offset_rad)
+        if float(np.hypot(*jump)) > JUMP_BEAMWIDTHS * self.conscan.params.half_power_beamwidth_rad:
+            self._waiting.clear()
+            self._centre.clear()
+            self.conscan.reset()
             self._forget_delay()
         self._status_s = t_s
         self._beam.take_centre(t_s, scan_centre_rad)

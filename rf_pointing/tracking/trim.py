@@ -13,9 +13,18 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rf_pointing.core import MDEG, Params, as_finite_array, parameter
+from rf_pointing.core import MDEG, Params, SkyUncertainty, as_finite_array, parameter
+from rf_pointing.core.constants import EARTH_RADIUS_M
 from rf_pointing.core.types import Array
 
+# A prior that is no more than so many times too small costs nothing: the first measurements weigh
+# more than it does.
+USUAL = 1.5
+# Elevation above which cross-elevation is no longer turned into ever larger azimuth.
+STEEPEST_RAD = math.radians(88.0)
+EARTH_RATE_RAD_S = 2.0 * math.pi / 86164.1
+# Half of the difference from which the rate along a path is taken.
+RATE_STEP_S = 0.05
 # Below this speed a geostationary target has no track, so no direction across it.
 SLOWEST_RAD_S = 1e-9
 
@@ -50,6 +59,32 @@ class TrimParams(Params):
     gate_sigmas: float = parameter(6.0, "innovation beyond which a measurement is refused", low=2.0, high=100.0)
     gate_patience: int = parameter(
         3, "rejections in a row after which the filter is doubted, not the measurements", low=1, high=1000
+    )
+
+
+def prior_for(params: TrimParams, known: SkyUncertainty, sky: SkyMotion) -> TrimParams:
+    """Return the prior for a target that is `known` so well where it moves like `sky` (floats).
+
+    Those configured, themselves, for a target that is known as well as they say.  One that stands
+    on the sky has no track: its direction is as uncertain as a bias.
+    """
+    right, up, range_m = (float(np.ravel(np.asarray(part))[0]) for part in sky)
+    speed, covariance = math.hypot(right, up), known.covariance_rad2
+    if speed <= SLOWEST_RAD_S:
+        sigma = math.sqrt(float(np.linalg.eigvalsh(covariance)[-1]))
+        return params if sigma <= USUAL * params.bias_rad else params.replace(bias_rad=min(sigma, 0.1))
+    ahead, left = np.array([right, up]) / speed, np.array([-up, right]) / speed
+    along, across = (math.sqrt(max(float(axis @ covariance @ axis), 0.0)) for axis in (ahead, left))
+    return prior_of(params, known.along_track_s or along / speed, across * range_m)
+
+
+def prior_of(params: TrimParams, along_s: float, cross_m: float) -> TrimParams:
+    """Return the prior for a target that is known so well; those configured if that is enough."""
+    if along_s <= USUAL * params.along_track_s and cross_m <= USUAL * params.cross_track_m:
+        return params
+    return params.replace(
+        along_track_s=min(max(along_s, params.along_track_s), 60.0),
+        cross_track_m=min(max(cross_m, params.cross_track_m), 1e6),
     )
 
 
@@ -149,3 +184,57 @@ def direction_rows(sky: SkyMotion) -> Array:
     rows[..., 0, 1], rows[..., 1, 1] = -up * across, right * across
     rows[..., 0, 2] = rows[..., 1, 3] = 1.0
     return rows
+
+
+class TrackPath:
+    """A pass on the sky: where its target is when it is early or late by more than a straight line.
+
+    A target tau s ahead in its orbit is where it will be tau s later, less what the Earth turns
+    meanwhile: R(w tau) p(t + tau), with p from the centre of the Earth.  The filter's tau (x', y')
+    is the beginning of that curve: 4 s are 3 deg near the zenith of a low orbit, and 0.2 deg off
+    the line.
+
+    `t_s` (n,) in steps in which the motion hardly bends, `position_rad` (n, 2) azimuth, continuous,
+    and elevation, `range_m` (n,).
+    """
+
+    def __init__(self, t_s: Array, position_rad: Array, range_m: Array, latitude_rad: float) -> None:
+        self._t_s, self._azimuth_rad, self._elevation_rad = t_s, *position_rad.T
+        level = range_m * np.cos(self._elevation_rad)
+        up = EARTH_RADIUS_M + range_m * np.sin(self._elevation_rad)
+        self._place = (level * np.sin(self._azimuth_rad), level * np.cos(self._azimuth_rad), up)
+        self._turning = EARTH_RATE_RAD_S * math.cos(latitude_rad), EARTH_RATE_RAD_S * math.sin(latitude_rad)
+
+    def moved(self, times: Array, ahead_s: float | Array) -> tuple[Array, Array]:
+        """Return the offset (n, 2) on the sky of a target that is `ahead_s` early, and its rate.
+
+        The rate is that of the offset over `ahead_s`.  Before and after the pass the target goes on
+        straight.
+        """
+        azimuth, elevation = (np.interp(times, self._t_s, each) for each in (self._azimuth_rad, self._elevation_rad))
+        stretch = np.cos(np.minimum(np.abs(elevation), STEEPEST_RAD))
+
+        def offset(tau_s: float | Array) -> Array:
+            there, height = self._seen(times + tau_s, tau_s)
+            across = np.remainder(there - azimuth + math.pi, 2.0 * math.pi) - math.pi
+            return np.column_stack([across * stretch, height - elevation])
+
+        early, late = offset(ahead_s + RATE_STEP_S), offset(ahead_s - RATE_STEP_S)
+        return offset(ahead_s), (early - late) / (2.0 * RATE_STEP_S)
+
+    def _seen(self, times: Array, tau_s: float | Array) -> tuple[Array, Array]:
+        """Return azimuth and elevation (n,) of the place at `times` before a turn of `tau_s`."""
+        inside = np.clip(times, self._t_s[0], self._t_s[-1])
+        east, north, up = (np.interp(inside, self._t_s, each) for each in self._place)
+        for end, beyond in (
+            (slice(2), np.minimum(times - inside, 0.0)),
+            (slice(-2, None), np.maximum(times - inside, 0.0)),
+        ):
+            step_s = float(np.diff(self._t_s[end])[0])
+            rates = (float(np.diff(each[end])[0]) / step_s for each in self._place)
+            east, north, up = (each + beyond * rate for each, rate in zip((east, north, up), rates, strict=True))
+        along, upward = self._turning
+        east, north, up = (
+            east + tau_s * (along * up - upward * north), north + tau_s * upward * east, up - tau_s * along * east,
+        )  # fmt: skip
+        return np.arctan2(east, north), np.arctan2(up - EARTH_RADIUS_M, np.hypot(east, north))

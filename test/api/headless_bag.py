@@ -96,6 +96,10 @@ def _fields(maker: Maker, topic: str, signal: Any) -> dict[str, Any]:
             points.append(maker.message("trajectory_msgs/msg/JointTrajectoryPoint", time_from_start=since, **columns))
         return {"joint_names": list(AXES), "points": points}
     found = _named(maker, LAYOUTS[topic].type_name, signal)
+    if topic == "target" and (sure := signal.uncertainty) is not None:
+        found |= {"covariance": sure.covariance_rad2.ravel(), "element_age": sure.age_s}
+        found |= {"along_track_sigma": sure.along_track_rad, "cross_track_sigma": sure.cross_track_rad}
+        found["along_track_time_sigma"] = sure.along_track_s
     if topic == "monopulse":
         for name in ("sum", "difference_cross_elevation", "difference_elevation"):
             samples = getattr(signal, name)

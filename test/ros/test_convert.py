@@ -17,9 +17,9 @@ from rf_pointing.core import (
     JointTrajectory,
     MonopulseCluster,
     PointingError,
+    SkyUncertainty,
     Target,
 )
-from rf_pointing.ephemeris import SkyUncertainty
 from rf_pointing.ros import convert
 
 T_S = 1_151_384_323.813083
@@ -182,13 +182,45 @@ def test_a_target_carries_light_time_doppler_and_the_error_of_its_elements(rando
     sky = SkyUncertainty(
         age_s=7200.0, along_track_rad=2e-4, cross_track_rad=1e-4, along_track_s=0.1, covariance_rad2=shift @ shift.T
     )
-    message = convert.target_to_message(target, sky)
+    known = dataclasses.replace(target, uncertainty=sky)
+    message = convert.target_to_message(known)
     assert message.light_time == pytest.approx(target.range_m / 299792458.0, rel=1e-12)
     assert message.doppler_factor == pytest.approx(1.0 - target.range_rate_m_s / 299792458.0, abs=1e-15)
     assert list(message.covariance) == sky.covariance_rad2.ravel().tolist()
     assert (message.element_age, message.along_track_time_sigma) == (7200.0, 0.1)
     assert (message.along_track_sigma, message.cross_track_sigma) == (2e-4, 1e-4)
-    assert list(convert.target_to_message(target).covariance) == []
+    back = convert.target_from_message(message).uncertainty
+    assert back is not None
+    assert (back.age_s, back.along_track_s) == (7200.0, 0.1)
+    np.testing.assert_array_equal(back.covariance_rad2, sky.covariance_rad2)
+    bare = convert.target_to_message(target)
+    assert list(bare.covariance) == []
+    assert convert.target_from_message(bare).uncertainty is None
+
+
+@pytest.mark.parametrize(
+    ("values", "refusal"),
+    [
+        ({"covariance": [1e-6, 0.0, 0.0]}, "covariance has 3 values, must have 4 or none"),
+        ({"covariance": [1e300, 0.0, 0.0, 1e-6]}, "covariance_rad2\\[0\\]=1e\\+300 must be <= 9.8"),
+        ({"covariance": [math.nan, 0.0, 0.0, 1e-6]}, "(?s)covariance_rad2=.* must be finite"),
+        ({"covariance": [1e-6, 0.0, 0.0, -1e-6]}, "covariance_rad2\\[3\\]=-1e-06 must be >= 0"),
+        ({"covariance": [1e-6, 2e-6, 2e-6, 1e-6]}, "must be symmetric, with both its variances >= 0"),
+        ({"covariance": [1e-6, 5e-7, -5e-7, 1e-6]}, "must be symmetric"),
+        ({"along_track_time_sigma": 1e300}, "along_track_s=1e\\+300 must be <= 3600"),
+        ({"along_track_time_sigma": -1.0}, "along_track_s=-1.0 must be >= 0"),
+        ({"cross_track_sigma": 4.0}, "cross_track_rad=4.0 must be <= 3.14"),
+    ],
+)
+def test_an_impossible_uncertainty_is_refused_at_the_door(
+    values: dict[str, object], refusal: str, random: np.random.Generator
+) -> None:
+    message = convert.target_to_message(numbers(Target, random, t_s=T_S, name="bird"))
+    message.covariance = [1e-6, 0.0, 0.0, 1e-6]
+    for name, value in values.items():
+        setattr(message, name, value)
+    with pytest.raises(ValueError, match=refusal):
+        convert.target_from_message(message)
 
 
 @pytest.mark.parametrize("period_s", [1e17, -0.1, math.nan])

@@ -6,8 +6,9 @@ import math
 import numpy as np
 import pytest
 
-from rf_pointing.core import MDEG, random_stream
-from rf_pointing.tracking import SkyMotion, TrimFilter, TrimParams, direction_rows
+from rf_pointing.core import MDEG, SkyUncertainty, random_stream
+from rf_pointing.ephemeris import TopocentricTrack, find_elements, site, verification_elements
+from rf_pointing.tracking import SkyMotion, TrackPath, TrimFilter, TrimParams, direction_rows, prior_for
 
 PARAMS = TrimParams(jitter_rad=0.1 * MDEG)
 
@@ -162,3 +163,36 @@ def test_a_dish_that_goes_over_the_top_turns_the_bias_and_not_the_ephemeris() ->
     np.testing.assert_array_equal(trim.state.mean, mean * [1.0, 1.0, -1.0, -1.0])
     signs = np.array([1.0, 1.0, -1.0, -1.0])
     np.testing.assert_array_equal(trim.state.covariance, covariance * np.outer(signs, signs))
+
+
+@pytest.mark.parametrize("ahead_s", [-7.0, -0.5, 4.0, 14.0])
+def test_a_path_knows_where_a_target_seconds_ahead_is_to_a_millidegree(ahead_s: float) -> None:
+    """Against the propagated orbit, through a pass to 75 deg of elevation; a straight line is 60 to 2000 off."""
+    track = TopocentricTrack(find_elements(verification_elements(), "28057"), site("Goldstone DSS-13"))
+    times = 1151384680.3 + np.arange(-300.0, 300.1, 0.1)
+    seen, there = track.sample(times), track.with_offsets(along_track_offset_s=ahead_s).sample(times)
+    place = np.column_stack([seen.azimuth_rad, seen.elevation_rad])
+    path = TrackPath(times, place, seen.range_m, track.site.latitude_rad)
+    offset, rate = path.moved(times, ahead_s)
+    turned = np.remainder(there.azimuth_rad - seen.azimuth_rad + math.pi, 2.0 * math.pi) - math.pi
+    true = np.column_stack([turned * np.cos(seen.elevation_rad), there.elevation_rad - seen.elevation_rad])
+    inside = slice(150, -150)
+    assert np.max(np.abs(offset - true)[inside]) < 1.0 * MDEG
+    ahead, before = path.moved(times, ahead_s + 0.2)[0], path.moved(times, ahead_s - 0.2)[0]
+    np.testing.assert_allclose(rate[inside], ((ahead - before) / 0.4)[inside], atol=5e-6)
+    np.testing.assert_allclose(path.moved(times, 0.0)[0], 0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("sigma_s", [0.02, 0.2, 0.3, 4.0, 500.0])
+def test_the_prior_is_what_is_known_of_the_target_where_that_is_less_than_configured(sigma_s: float) -> None:
+    sky, cross_m = SkyMotion(3e-3, -4e-3, 1.2e6), 700.0 if sigma_s > 0.25 else 100.0
+    rows = direction_rows(sky)[:, :2]
+    covariance = rows @ np.diag([sigma_s**2, cross_m**2]) @ rows.T
+    for along_s in (0.0, sigma_s):
+        found = prior_for(PARAMS, SkyUncertainty(covariance_rad2=covariance, along_track_s=along_s), sky)
+        if sigma_s < 0.25:
+            assert found is PARAMS
+            continue
+        assert (found.along_track_s, found.cross_track_m) == pytest.approx((min(sigma_s, 60.0), cross_m))
+    at_rest = prior_for(PARAMS, SkyUncertainty(covariance_rad2=np.diag([1e-4, 4e-4])), SkyMotion(0.0, 0.0, 4e7))
+    assert at_rest.bias_rad == pytest.approx(0.02)

@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from rf_pointing.core import Params, Target, parameter, require_choice
+from rf_pointing.core import Params, SkyUncertainty, Target, parameter, require_choice
 from rf_pointing.core.signals import DESIGNATED
 from rf_pointing.designate import (
     CLASSES,
@@ -25,7 +25,7 @@ from rf_pointing.designate import (
 )
 from rf_pointing.designate.decoders import Decoder
 from rf_pointing.designate.table import TableTarget
-from rf_pointing.ephemeris import Pass, Site, SkyUncertainty, TopocentricTrack, find_passes
+from rf_pointing.ephemeris import Pass, Site, TopocentricTrack, find_passes
 from rf_pointing.ephemeris.uncertainty import place_uncertainty
 from rf_pointing.planning import HorizonMask, PassProfile
 from rf_pointing.receiver.level_sources import LineSource

@@ -18,7 +18,7 @@ from rf_pointing.core.checks import LONGEST_NAME
 from rf_pointing.core.refraction import RadioRefraction
 from rf_pointing.core.types import Array
 from rf_pointing.core.whole_file import write_whole
-from rf_pointing.ephemeris import Pass, Site, TopocentricTrack, find_passes, sun
+from rf_pointing.ephemeris import ElementUncertainty, Pass, Site, TopocentricTrack, find_passes, sky_uncertainty, sun
 from rf_pointing.planning import (
     AxisLimits,
     Certificate,
@@ -122,13 +122,19 @@ def planned_certificate(
 
 
 def pass_profile(
-    track: TopocentricTrack, window: Window, step_s: float = SAMPLE_S, sun_table: "SolarTable | None" = None
-) -> PassProfile:
-    """Return the pass at even steps of at most `step_s`, in at most `MOST_SAMPLES` rows."""
+    track: TopocentricTrack, window: Window, step_s: float = SAMPLE_S, sun_table: "SolarTable | None" = None,
+    law: ElementUncertainty | None = None,
+) -> PassProfile:  # fmt: skip
+    """Return the pass at even steps of at most `step_s`, in at most `MOST_SAMPLES` rows.
+
+    By the `law` it says how uncertain the target is where it is nearest.
+    """
     count = min(MOST_SAMPLES, max(2, int(np.ceil(window.duration_s / step_s)) + 1))
     times = np.linspace(window.aos_t_s, window.los_t_s, count)
     looks = track.sample(times)
     table = sun_table or SolarTable(track.site, track.refraction, window.aos_t_s, window.duration_s)
+    nearest = int(np.argmin(looks.range_m))
+    known = None if law is None else sky_uncertainty(track, float(times[nearest]), law)
     return PassProfile(
         name=window.name,
         t_s=times,
@@ -138,6 +144,8 @@ def pass_profile(
         sun_rad=table.at(times),
         range_m=looks.range_m,
         satellite_gain_db=looks.satellite_gain_db,
+        along_sigma_s=known.along_track_s if known else 0.0,
+        cross_sigma_m=known.cross_track_rad * float(looks.range_m[nearest]) if known else 0.0,
     )
 
 

@@ -34,7 +34,8 @@ from rf_pointing.station.pointing.params import ControllerParams
 from rf_pointing.station.pointing.plan import PassPlan
 from rf_pointing.station.pointing.scan_patterns import Scans, array_cost, sensor_cost
 from rf_pointing.station.pointing.status import Level, TrackingStatus
-from rf_pointing.tracking import AutotrackState, SkyMotion
+from rf_pointing.station.pointing.uncertain_pass import uncertain_cost
+from rf_pointing.tracking import AutotrackState, SkyMotion, prior_of
 from rf_pointing.tracking.scan_program import ScanProgram, ScanProgramParams
 from rf_pointing.tracking.sensors import SENSOR_CHOICES, SENSORS, SensorTraits, sensors_of
 
@@ -146,8 +147,13 @@ class PointingController:
 
     def take_target(self, target: Target) -> None:
         """Note where the target will be; other targets are ignored."""
-        if self._pass is not None and target.name == self._pass.name:
-            self._motion.targets.add(target)
+        if self._pass is None or target.name != self._pass.name:
+            return
+        self._motion.targets.add(target)
+        if target.uncertainty is not None:
+            right = target.azimuth_rate_rad_s * math.cos(target.elevation_rad)
+            sky = SkyMotion(right, target.elevation_rate_rad_s, target.range_m)
+            self.corrections.know(target.uncertainty, sky, self.plan.path)
 
     def take_error(self, error: PointingError) -> None:
         """Note what a sensor measured; only those that the pass may use count.
@@ -301,7 +307,7 @@ class PointingController:
         axes, self._renewed = self._motion.axes, False
         if axes is None or self._turns_rad is None or self._stopping or self._scans.program:
             return
-        averaging_s, cost = self.params.pointing.lag_averaging_s, partial(self._cost, self._sensor, window)
+        averaging_s, cost = self.params.pointing.lag_averaging_s, partial(self._cost, self._sensor, window, t_s)
         self._pass = self.plan.extended(t_s, window, axes, self._motion.model, averaging_s, cost)
 
     def _motion_word(self) -> str:
@@ -380,7 +386,7 @@ class PointingController:
             t_s, timing.period_s, None if waiting else evidence.error_rad(beamwidth_rad), beamwidth_rad
         )
 
-    def _cost(self, sensor: str, window: Pass, profile: PassProfile) -> SensorCost:
+    def _cost(self, sensor: str, window: Pass, t_s: float, profile: PassProfile) -> SensorCost:
         """Return what a sensor costs; of several, the first for which the link is enough."""
         sky = profile.velocity_rad_s[0] * np.array([math.cos(float(profile.position_rad[0, 1])), 1.0])
         range_m = window.smallest_range_m or USUAL_RANGE_M
@@ -391,7 +397,13 @@ class PointingController:
                 break
         motion, levels = SkyMotion(float(sky[0]), float(sky[1]), range_m), self.carrier.levels_db_hz(profile)
         own = traits is not None and traits.own_level
-        cost = sensor_cost(None if own else traits, self._scans, self.params.trim, table, motion)
+        prior = prior_of(self.params.trim, profile.along_sigma_s, profile.cross_sigma_m)
+        looks = None if own else traits
+        cost = sensor_cost(looks, self._scans, self.params.trim, table, motion)
+        if prior is not self.params.trim:
+            latitude_rad, begin_s = self.plan.sun.site.latitude_rad, max(t_s, window.aos_t_s)
+            found = uncertain_cost(looks, self._scans, prior, table, profile, latitude_rad, begin_s)
+            cost = replace(found, fresh=cost)
         if own:
             beamwidth_rad = self.corrections.half_power_beamwidth_rad
             cost = array_cost(self.params.array, self.params.integrator, table, levels, beamwidth_rad, cost)
@@ -399,7 +411,7 @@ class PointingController:
 
     def _choose_turn(self, t_s: float, window: Pass, joints: JointReading, sensor: str) -> float:
         """Issue the certificate, and return the turns (rad) to track on."""
-        averaging_s, cost = self.params.pointing.lag_averaging_s, partial(self._cost, sensor, window)
+        averaging_s, cost = self.params.pointing.lag_averaging_s, partial(self._cost, sensor, window, t_s)
         # Over the top a scan would measure other offsets than those of a table.
         direct = self._scans.program is not None
         self.plan.choose(t_s, window, joints, self._motion.model, averaging_s, cost, direct=direct)
@@ -439,6 +451,7 @@ class PointingController:
         correction = self.corrections.correction_rad(t_s)
         sky = self._motion.sky_rad(t_s, window, correction)
         axis_error = np.zeros(2) if axes.error_rad is None else axes.error_rad
+        offset = self.corrections.shown_rad(t_s)
         shown = np.array([error.cross_elevation_rad, error.elevation_rad]) if sensed and error else axis_error
         return TrackingStatus(
             t_s=t_s,
@@ -452,8 +465,8 @@ class PointingController:
             scan_centre_rad=centre,
             cross_elevation_error_rad=float(shown[0]),
             elevation_error_rad=float(shown[1]),
-            cross_elevation_offset_rad=float(correction[0]),
-            elevation_offset_rad=float(correction[1]),
+            cross_elevation_offset_rad=float(offset[0]),
+            elevation_offset_rad=float(offset[1]),
             carrier_to_noise_db_hz=error.carrier_to_noise_db_hz if error else 0.0,
             half_power_beamwidth_rad=self.corrections.half_power_beamwidth_rad,
             command_lead_s=self.params.pointing.horizon_s if window else 0.0,

@@ -18,13 +18,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.controllers import TrackerIntegrator, TrackerIntegratorParams
-from rf_pointing.core import Mode, Motion, PointingError, Quintic
+from rf_pointing.core import Mode, Motion, PointingError, Quintic, SkyUncertainty
 from rf_pointing.core.signals import TimeBuffer
 from rf_pointing.core.types import Array
 from rf_pointing.planning import AxisRates
 from rf_pointing.station.pointing.scan_patterns import UNDERWAY_S, ScanPatterns, Scans
-from rf_pointing.tracking import AutotrackState, SkyMotion, TrimFilter, TrimParams, direction_rows
+from rf_pointing.tracking import (
+    AutotrackState,
+    SkyMotion,
+    TrackPath,
+    TrimFilter,
+    TrimParams,
+    direction_rows,
+    prior_for,
+)
 from rf_pointing.tracking.sensors import SENSORS
+from rf_pointing.tracking.trim import STEEPEST_RAD
 
 # A transition of no distance still needs a few points of the trajectory.
 SHORTEST_TRANSITION_S = 0.5
@@ -36,8 +45,12 @@ OVER = np.array([1.0, -1.0])
 FADE_S = 3.0
 # How well the strongest carrier of a search says where the target is.
 FOUND_SIGMA_BEAMWIDTHS = 0.25
-# Elevation above which cross-elevation is no longer turned into ever larger azimuth.
-STEEPEST_RAD = math.radians(88.0)
+# How far a target may move within the window of a scan against the offset that is reported.
+LARGEST_BLUR_BEAMWIDTHS = 0.08
+# How many times less certain a target is taken to be that is not where it could be.
+SURPRISE = 8.0
+# Turns of the filter's equations about where they lead, for a target far from the straight line.
+TURNS = 3
 
 
 @dataclass(frozen=True)
@@ -106,6 +119,8 @@ class PointingCorrections:
     def __init__(self, integrator: TrackerIntegratorParams, scans: Scans, trim: TrimParams) -> None:
         self._loop, self._loops = integrator, _loops(integrator, scans)
         self._trim_params, self._scan_params = trim, scans
+        self._path: TrackPath | None = None
+        self._whole: TrackPath | None = None
         self.half_power_beamwidth_rad = scans.spiral.half_power_beamwidth_rad
         self.restart(0.0)
 
@@ -114,7 +129,11 @@ class PointingCorrections:
         self._integrator = TrackerIntegrator(self._loop)
         self._integrator.freeze(t_s)
         self._over = False
-        self.filter = TrimFilter(self._trim_params)
+        self._prior, self._path, self._fruitless = self._trim_params, None, 0
+        self._shown_s, self._whole = 0.0, None
+        self.surprises = 0
+        """How often the target was too far off for what was known of it: a manoeuvre, perhaps."""
+        self.filter = TrimFilter(self._prior)
         self._scans = ScanPatterns(self._scan_params)
         self._transition = OffsetTransition()
         self._share: tuple[Array, Array] = np.array([t_s]), np.ones(1)
@@ -126,6 +145,17 @@ class PointingCorrections:
         self._used_s = self._learned_s = -math.inf
         self._found: _Found | None = None
         self._unseen = False
+
+    def know(self, known: SkyUncertainty, sky: SkyMotion, path: TrackPath | None) -> None:
+        """Take how uncertain the target is until something is measured; `path` is its pass."""
+        self._whole = path
+        if self.filter.state.used or self.surprises:
+            return
+        prior = prior_for(self._trim_params, known, sky)
+        if prior != self._prior:
+            self._prior, self.filter = prior, TrimFilter(prior)
+        # Where the elements are as good as usual a straight line is, too.
+        self._path = path if prior.along_track_s > self._trim_params.along_track_s else None
 
     def update(
         self, command_s: float, mode_before: str, state: AutotrackState, error: PointingError | None, beam: Array | None
@@ -171,6 +201,11 @@ class PointingCorrections:
         """
         self._share = times, self._scans.share(sky, limits) if self._scans.running else np.ones(len(times))
         return added(sky, *self._scan(times))
+
+    @property
+    def searching(self) -> bool:
+        """Whether the beam looks for the target."""
+        return self._scans.running == Mode.SEARCH
 
     @property
     def scan_end_s(self) -> float:
@@ -221,8 +256,10 @@ class PointingCorrections:
         then = self._past.at(error.t_s - age_s) if scans else past
         direction: Array | None = None
         if scans:
-            self._integrator.update(command_s, sensed)
-            direction = None if past is None else past[3:5] + sensed
+            mean_s, turning = error.t_s - age_s, not SENSORS[error.sensor].once_a_round
+            frame = self._led(mean_s, error.t_s, self._shown_s) if turning else self._led(mean_s, error.t_s)
+            self._integrator.update(command_s, sensed + self._led(mean_s, error.t_s) - frame)
+            direction = None if past is None else past[3:5] + sensed - frame
         else:
             self._integrator.update(command_s, sensed + self._displaced(command_s, error.t_s, past, beam))
             direction = None if beam is None else beam + sensed
@@ -231,6 +268,40 @@ class PointingCorrections:
         if direction is not None and then is not None and rested:
             self._learned_s = error.t_s
             self._learn(command_s, error.t_s - age_s, direction, error.covariance_rad2, _sky(then))
+            if scans:
+                self._show_ahead(error.t_s, error.sensor)
+
+    def _led(self, from_s: float, to_s: float, ahead_s: float | None = None) -> Array:
+        """Return how far (2,) a target so far ahead went off the prediction; by default as learned.
+
+        A scan says where it was on average: seconds off its elements it would drag the loop behind.
+        """
+        if self._path is None:
+            return AT_REST
+        learned_s = float(self.filter.state.mean[0]) if ahead_s is None else ahead_s
+        offset, _ = self._path.moved(np.array([from_s, to_s]), learned_s)
+        return np.asarray(offset[1] - offset[0])
+
+    def shown_rad(self, t_s: float) -> Array:
+        """Return the correction (2,) beyond the prediction that is reported, without scans.
+
+        A scan takes its target to stand still against this.  One that is seconds off its
+        elements does not: then the prediction goes ahead with what was learned.
+        """
+        if self._path is None or not self._shown_s:
+            return self.correction_rad(t_s)
+        return np.asarray(self.correction_rad(t_s) - self._path.moved(np.array([t_s]), self._shown_s)[0][0])
+
+    def _show_ahead(self, t_s: float, sensor: str) -> None:
+        """Let the prediction go ahead once what it lacks would blur the sensor's scan."""
+        learned_s = float(self.filter.state.mean[0])
+        if self._path is None or learned_s == self._shown_s:
+            return
+        # The errors are of the middle of a window: twice that is all of it.
+        begin_s = t_s - 2.0 * self._scan_params.age_s(sensor)
+        blur = self._led(begin_s, t_s, learned_s) - self._led(begin_s, t_s, self._shown_s)
+        if float(np.hypot(*blur)) > LARGEST_BLUR_BEAMWIDTHS * self.half_power_beamwidth_rad:
+            self._shown_s = learned_s
 
     def _learn(self, command_s: float, t_s: float, direction: Array, covariance: Array, sky: SkyMotion) -> None:
         """Update the filter; what one correction gains at `command_s` the other loses."""
@@ -238,9 +309,42 @@ class PointingCorrections:
         if self.filter.state.t_s is not None and t_s < self.filter.state.t_s:
             return
         now = np.array([command_s])
-        before = self._learned(now)
-        self.filter.update(t_s, direction, covariance, sky)
+        before, refused = self._learned(now), self.filter.state.refused
+        self._fuse(t_s, direction, covariance, sky)
+        if self.filter.state.refused > refused and not self.filter.state.refused_in_a_row:
+            self._be_surprised()
         self._integrator.change((before - self._learned(now))[0])
+
+    def _be_surprised(self) -> None:
+        """Take the target to be less certain than stated: its filter has refused what it sees."""
+        self.surprises += 1
+        along_s, cross_m = SURPRISE * self._prior.along_track_s, SURPRISE * self._prior.cross_track_m
+        self._prior = self._prior.replace(along_track_s=min(along_s, 60.0), cross_track_m=min(cross_m, 1e6))
+        self.filter, self._path = TrimFilter(self._prior), self._whole
+
+    def _fuse(self, t_s: float, direction: Array, covariance: Array, sky: SkyMotion) -> None:
+        """Update the filter with target minus prediction (2,), along the path where it bends."""
+        if self._path is None:
+            self.filter.update(t_s, direction, covariance, sky)
+            return
+        before = self.filter.state
+        for _ in range(TURNS):
+            about_s = float(self.filter.state.mean[0])
+            offset, motion = self._about(t_s, about_s, sky)
+            straight = np.array(motion[:2], dtype=np.float64) * about_s
+            self.filter.state = before
+            if not self.filter.update(t_s, direction - offset + straight, covariance, motion):
+                return
+
+    def _about(self, t_s: float, ahead_s: float, sky: SkyMotion) -> tuple[Array, SkyMotion]:
+        """Return where the target is if it is early, and how it moves there: what the filter adds.
+
+        On a straight line that is its rate times the time; the path knows better.
+        """
+        if self._path is None:
+            return np.array(sky[:2], dtype=np.float64) * ahead_s, sky
+        offset, rate = self._path.moved(np.array([t_s]), ahead_s)
+        return offset[0], SkyMotion(float(rate[0, 0]), float(rate[0, 1]), sky.range_m)
 
     def _change_mode(self, command_s: float, mode: str) -> None:
         """Change what belongs to the modes; neither place nor speed of the command jumps."""
@@ -249,12 +353,15 @@ class PointingCorrections:
         tracking = self._tracking_correction(now)[0][0]
         if mode == Mode.HOLD_OFF:
             # What a false lock taught is wrong, all of it.
-            self.filter, tracking = TrimFilter(self._trim_params), np.zeros(2)
-        found = self._found if self._scans.running == Mode.SEARCH and (mode in SENSORS or mode == Mode.COAST) else None
+            self.filter, tracking = TrimFilter(self._prior), np.zeros(2)
+        searched = self._scans.running == Mode.SEARCH
+        found = self._found if searched and (mode in SENSORS or mode == Mode.COAST) else None
+        # A search that found nothing was too small.
+        self._fruitless = 0 if mode in SENSORS else self._fruitless + (searched and mode == Mode.PROGRAM_TRACK)
         if found is not None:
             # The filter may have had no sensor yet: then this is all it knows.
-            self.filter.update(found.t_s, found.direction_rad, found.covariance_rad2, found.sky)
-            tracking = found.direction_rad - direction_rows(found.sky) @ self.filter.state.mean
+            self._fuse(found.t_s, found.direction_rad, found.covariance_rad2, found.sky)
+            tracking = found.direction_rad - self._learned_on(np.array([found.t_s]), found.sky)[0]
             self._unseen = True
         self._found = None
         if mode in SENSORS:
@@ -266,7 +373,10 @@ class PointingCorrections:
             # The direction that a search found is kept until a sensor has looked at it.
             self._fade_s = command_s if self.filter.state.used and not self._unseen else None
         # The scan begins at once; the transition takes out what jumps in place and speed.
-        self._scans.begin(mode, command_s, self.filter, self._sky_at(now))
+        self._scans.begin(
+            mode, command_s, self.filter, self._sky_at(now), self._path,
+            uncertain=self._prior is not self._trim_params, wider=1 + self._fruitless,
+        )  # fmt: skip
         self._transition = OffsetTransition()
         after = [a + b for a, b in zip(self._corrections(now), self._scan(now), strict=True)]
         left = [(b - a)[0] for a, b in zip(after, before, strict=True)]
@@ -297,14 +407,29 @@ class PointingCorrections:
             still = np.zeros((len(times), 2))
             return still, still
         known = self._ahead.t_s
-        rates = np.gradient(self._ahead.rows @ self.filter.state.mean, known, axis=0, edge_order=2)
+        rates = np.gradient(self._learned_ahead(self._ahead), known, axis=0, edge_order=2)
         return self._learned(times), _interpolated(times, known, rates)
+
+    def _learned_ahead(self, ahead: "_Ahead") -> Array:
+        """Return what the filter learned (n, 2) along the last trajectory."""
+        if self._path is None:
+            return np.asarray(ahead.rows @ self.filter.state.mean)
+        return self._learned_on(ahead.t_s, SkyMotion(*ahead.sky.T))
+
+    def _learned_on(self, times: Array, sky: SkyMotion) -> Array:
+        """Return what the filter learned (n, 2) for a target that moves like `sky` at `times`."""
+        mean = self.filter.state.mean
+        if self._path is None:
+            return np.atleast_2d(direction_rows(sky) @ mean)
+        offset, rate = self._path.moved(times, float(mean[0]))
+        moved = SkyMotion(rate[:, 0], rate[:, 1], np.broadcast_to(sky.range_m, times.shape))
+        return np.asarray(offset + direction_rows(moved)[:, :, 1:] @ mean[1:])
 
     def _learned(self, times: Array) -> Array:
         """Return what the filter learned (n, 2), zero before a measurement."""
         if self._ahead is None or self.filter.state.used == 0:
             return np.zeros((len(times), 2))
-        return _interpolated(times, self._ahead.t_s, self._ahead.rows @ self.filter.state.mean)
+        return _interpolated(times, self._ahead.t_s, self._learned_ahead(self._ahead))
 
     def _tracking_correction(self, times: Array) -> tuple[Array, Array]:
         """Return what the loop found (n, 2), and its rate."""

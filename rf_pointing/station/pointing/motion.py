@@ -260,6 +260,8 @@ class CommandedMotion:
         if t_s >= window.aos_t_s:
             centre, added_rates = self._corrected(times, predicted, self.targets.range_m(times))
         scanned = self._corrections.add_scan(times, centre, plan.machine.planned)
+        if self._corrections.searching:
+            scanned = plan.kept_inside(t_s, times, centre, scanned)
         lead = self._lag.lead(times, added_rates + scanned.velocity - centre.velocity, self.model)
         # The encoders are compared with what was commanded, lead included.
         kept = {key: at for key, at in self._centre.items() if key >= now}

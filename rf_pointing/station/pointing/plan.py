@@ -34,6 +34,7 @@ from rf_pointing.planning.forbidden_sky import ForbiddenSky, angle_between
 from rf_pointing.station.pointing.branch import TrackingBranch
 from rf_pointing.station.pointing.certificates import PlanningRules, certificate_of
 from rf_pointing.station.pointing.prediction import axis_motion
+from rf_pointing.tracking import TrackPath
 
 # Times of a pass and of its profile differ by less: they may have been computed from other
 # elements.
@@ -42,6 +43,8 @@ SAME_PASS_S = 30.0
 SAME_SUN_RAD = math.radians(0.5)
 # How far another bias model must move the start of a pass before the slew to it is planned again.
 NEW_GOAL_RAD = math.radians(0.1)
+# A search keeps so much above the horizon, for what the loops and the mount make of it.
+SEARCH_CLEARANCE_RAD = math.radians(0.1)
 # Axes that cannot run straight after their target are there so much before it, and how many places
 # ahead of it are looked at.
 MEETING_S = 2.0
@@ -130,6 +133,8 @@ class PassPlan:
         self.profile: PassProfile | None = None
         self._slew, self._goal = self._path(), np.full(2, math.inf)
         self._meeting = NO_MEETING
+        self.path: TrackPath | None = None
+        """The pass in hand on the sky, for a target that is early or late."""
         self.permit: SunPermit | None = None
         """Permission that the pass needs."""
         self.beyond = ""
@@ -160,7 +165,12 @@ class PassPlan:
             raise ValueError(f"this pass of {window.name} has no profile")
         self._check_sun(profile)
         led = window.name.startswith(DESIGNATED)
-        self.profile, self._judged = profile.resampled(), profile
+        self.profile = fine = profile.resampled()
+        # What has no orbit is not early or late on a path that is known.
+        self.path = None if led else TrackPath(
+            fine.t_s, fine.position_rad, fine.range_m, self.sun.site.latitude_rad
+        )  # fmt: skip
+        self._judged = profile
         self.certificate, hint = self._certified(
             t_s, profile, joints, model, lag_averaging_s, cost, direct=direct or led
         )
@@ -355,6 +365,31 @@ class PassPlan:
                     return goal, t_s + arrival_s
             arrival_s = max(needed_s, arrival_s) + MEETING_S
         return rest_rad, t_s + MEETING_S
+
+    def kept_inside(self, t_s: float, times: Array, centre: Motion, searched: Motion) -> Motion:
+        """Return the motion (n, 2) of a search about `centre` without what must not be looked at.
+
+        Direct angles.  It goes along the horizon and the ends of the travel, and it shrinks by
+        what the Sun's zone takes of its room: neither is a jump.
+        """
+        offset = searched.position - centre.position
+        if (sun_rad := self.sun.avoided(t_s)) is not None and self._gate_params.sun_radius_rad > 0.0:
+            kept_rad = self._gate_params.sun_radius_rad + SUN_CLEARANCE_RAD
+            room = np.maximum(angle_between(centre.position, np.array(sun_rad)) - kept_rad, 0.0)
+            reach = np.hypot(offset[:, 0] * np.cos(centre.position[:, 1]), offset[:, 1])
+            offset = offset * np.minimum(1.0, room / np.maximum(reach, 1e-9))[:, None]
+        position = centre.position + offset
+        (left, bottom), (right, top) = self._limits.lowest_rad, self._limits.highest_rad
+        if self.course.direct and not self.course.plunge_at(t_s):
+            position[:, 0] = np.clip(position[:, 0], left, right)
+            lowest = np.maximum(self.mask.lowest_all(position[:, 0]) + SEARCH_CLEARANCE_RAD, bottom)
+            # A target that rises is met where it is, however low.
+            lowest = np.minimum(lowest, centre.position[:, 1])
+            position[:, 1] = np.clip(position[:, 1], lowest, min(top, 0.5 * math.pi))
+        if np.array_equal(position, searched.position):
+            return searched
+        rate = np.gradient(position, times, axis=0)
+        return Motion(position, np.clip(rate, *np.outer((-1, 1), self.machine.axes.rate_rad_s)), searched.acceleration)
 
     def model_motion(self, t_s: float, sky: Motion, model: BiasModel) -> Motion:
         """Return the direct angles that hold the beam on `sky` (n, 2) at `t_s`."""

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from rf_pointing import ephemeris
-from rf_pointing.core import Params, Target, parameter
+from rf_pointing.core import HeldDirection, Params, SkyUncertainty, Target, parameter
 from rf_pointing.core.dates import DAY_S, utc_text
 from rf_pointing.core.parameters import leaves
 from rf_pointing.core.signals import DESIGNATED
@@ -17,11 +17,12 @@ from rf_pointing.ephemeris import (
     ElementUncertainty,
     Pass,
     SatelliteAntennaParams,
-    SkyUncertainty,
     TopocentricTrack,
+    known_target,
     stale_warning,
 )
 from rf_pointing.ephemeris.element_updates import ElementUpdates
+from rf_pointing.ephemeris.learned_times import LearnedTime, LearnedTimes
 from rf_pointing.ephemeris.source import SourceParams, TargetMemory, load_track, refraction_at, unused
 from rf_pointing.ephemeris.target_offsets import OffsetSets, TargetOffsets
 from rf_pointing.planning import HorizonMask, PassProfile
@@ -47,6 +48,9 @@ class PublisherParams(Params):
     mask_rad: float = parameter(math.radians(5.0), "elevation at which a pass begins and ends", low=0.0, high=1.5)
     span_s: float = parameter(86400.0, "how far ahead passes are looked for", low=60.0, high=2.6e6)
     state_file: str = parameter("", "file that keeps target, offsets and hold over a restart; empty: not kept")
+    learned_file: str = parameter(
+        "", "file that keeps what passes taught of the satellites' times along their orbits; empty: not kept"
+    )
 
 
 class PredictedTarget:
@@ -67,6 +71,7 @@ class PredictedTarget:
         self._memory = TargetMemory(params.state_file, source)
         self.sets = OffsetSets(params.state_file, band)
         self.source, self.peak_rad = self._memory.source, self._memory.peak_rad
+        self.learned = LearnedTimes(params.learned_file)
         self.updates = ElementUpdates(self.source.elements)
         self.updates.require()
         self.track = load_track(self.source, self._memory.hold_t_s)
@@ -101,21 +106,21 @@ class PredictedTarget:
         self._keep()
         return self.passes
 
-    def target_at(self, now_s: float) -> tuple[Target, SkyUncertainty | None] | None:
+    def target_at(self, now_s: float) -> Target | None:
         """Return what is published at `now_s`, None between passes and while it is unknown."""
         # Whole microseconds, as stamps are: the target is that of its own stamp.
         t_s = round(now_s + self.params.lead_s, 6)
         if self._quiet or not (self._near_a_pass(t_s, self.params.margin_s) and self.track.covers(t_s)):
             return None
         try:
-            target = self.track.target_at(t_s)
+            target = known_target(self.track, t_s, self.uncertainty)
         except ValueError as error:
             # What is set while the node runs may need more than elements or an ephemeris can give.
             self._unknown = str(error)
             self._log_once("no target is published", str(error))
             return None
         self._unknown = ""
-        return target, self._sky(t_s)
+        return target
 
     def set(self, source: SourceParams, now_s: float) -> None:
         """Bring offsets, hold, refraction and antenna into force."""
@@ -168,6 +173,8 @@ class PredictedTarget:
         """
         self._use_weather(now_s)
         self._use_attitude(now_s)
+        if taught := self._learn(now_s):
+            return taught, False
         if self._quiet or not self.updates.changed() or self.source.hold:
             return "", False
         if self._near_a_pass(now_s, self.params.margin_s + self.params.lead_s + RENEWAL_S):
@@ -186,8 +193,11 @@ class PredictedTarget:
         """Return whether the target is known, or what is doubtful, and the numbers behind it."""
         age_s, sky = now_s - self._weather_s, self._sky(now_s)
         old = f"the measured weather is {age_s / 3600.0:.1f} h old" if age_s > WEATHER_AGE_S else ""
-        problems = (self._no_pass, self._memory.problem, self.updates.problem, self._not_renewed, self._stale(now_s),
-                    self._unused and f"elements not used: {self._unused}", self._weather_problem, old)  # fmt: skip
+        unused = self._unused and f"elements not used: {self._unused}"
+        problems = (
+            self._no_pass, self._memory.problem, self.learned.problem, self.updates.problem, self._not_renewed,
+            self._stale(now_s), unused, self._weather_problem, old,
+        )  # fmt: skip
         warnings = "; ".join(filter(None, (*self.track.warnings(now_s), *problems)))
         values: dict[str, object] = {
             "passes": len(self.passes),
@@ -201,6 +211,8 @@ class PredictedTarget:
         except ValueError:
             # The target's place is unknown now: `target_at` reports it when it is due.
             pass
+        if isinstance(self.track.learned, LearnedTime):
+            values["learned"] = self.track.learned.text(now_s)
         if sky is not None:
             values |= {
                 "target": self.track.name,
@@ -216,6 +228,7 @@ class PredictedTarget:
     def _choose(self, track: TopocentricTrack, start_s: float, peak_rad: float) -> None:
         """Make `track` the target, if it passes, and show its passes."""
         span_s = self.params.span_s
+        track = self.learned.applied(track, start_s, self.uncertainty)
         found = ephemeris.passes_with_present(_moving(track), start_s, span_s, self._horizon)
         passes = [window for window in found if window.peak_elevation_rad >= peak_rad]
         if not passes:
@@ -225,9 +238,37 @@ class PredictedTarget:
         self.track, self.passes, self.peak_rad, self._no_pass = track, passes, peak_rad, ""
         self._show(passes, self._profiles())
 
+    def take_tracking(self, target: str, held: HeldDirection | None) -> None:
+        """Note where a sensor holds the target, None where none does."""
+        if held is not None and target == self.track.name:
+            self.learned.take(held)
+
+    def forget_learned(self, now_s: float) -> str:
+        """Forget what passes taught of the present target, and say so."""
+        words = self.learned.forget(self.track.name)
+        self._relearn(now_s)
+        return words
+
+    def _learn(self, now_s: float) -> str:
+        """Learn from a pass that has ended, and return what; "" while one goes on."""
+        if self._near_a_pass(now_s, self.params.margin_s + RENEWAL_S) or self.source.hold:
+            return ""
+        # Also without a new pass: what is older than the law allows is dropped.
+        news, self.learned.news = self.learned.end_pass(self.track, self.uncertainty), ""
+        if not news and self.track.learned is not None:
+            self.learned.of(self.track, now_s, self.uncertainty)
+            news = self.learned.news
+        if news:
+            self._relearn(now_s)
+        return news
+
+    def _relearn(self, now_s: float) -> None:
+        self.track = self.learned.applied(self.track, now_s, self.uncertainty)
+        self._show(None, self._profiles())
+
     def _profiles(self) -> list[PassProfile]:
         moving = _moving(self.track)
-        return [pass_profile(moving, window) for window in self.passes]
+        return [pass_profile(moving, window, law=self.uncertainty) for window in self.passes]
 
     def _near_a_pass(self, t_s: float, margin_s: float) -> bool:
         return any(window.aos_t_s - margin_s <= t_s <= window.los_t_s + margin_s for window in self.passes)
@@ -268,9 +309,7 @@ class PredictedTarget:
             return str(error)
 
     def _sky(self, t_s: float) -> SkyUncertainty | None:
-        """Return the uncertainty of the elements on the sky, None for a target without elements."""
-        if not isinstance(getattr(self.track.target, "elements", None), ephemeris.Elements):
-            return None
+        """Return how uncertain the target is, None where nothing is known of it."""
         try:
             return ephemeris.sky_uncertainty(self.track, t_s, self.uncertainty)
         except ValueError as error:

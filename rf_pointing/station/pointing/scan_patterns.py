@@ -21,6 +21,7 @@ from rf_pointing.tracking import (
     SpiralParams,
     SpiralSearch,
     StripSearch,
+    TrackPath,
     TrimFilter,
     TrimParams,
     direction_rows,
@@ -33,6 +34,8 @@ from rf_pointing.tracking.sensors import SENSORS, SensorTraits
 LONGEST_SPIRAL_S = 30.0
 # However sure the filter is: the target was not there.
 LEAST_SIGMA_BEAMWIDTHS = 0.25
+# A longer spiral would not end within a pass.
+MOST_TURNS, LARGEST_SIGMA_RAD = 150.0, 0.2
 # Speed on the sky below which there is no track to search along.
 SLOWEST_RAD_S = 1e-5
 # Transport, servo and messages, on top of the age of the oldest samples.
@@ -101,13 +104,24 @@ class ScanPatterns:
         self._start_s = 0.0
         self._pattern: Pattern | None = None
         self._per_track: tuple[float, float] | None = None
+        self._path: TrackPath | None = None
+        self._ahead_s = 0.0
 
-    def begin(self, mode: str, start_s: float, known: TrimFilter, sky: SkyMotion | None) -> None:
-        """Begin what `mode` needs at `start_s`; `sky` (1,) is the target's motion there."""
+    def begin(
+        self, mode: str, start_s: float, known: TrimFilter, sky: SkyMotion | None, path: TrackPath | None = None,
+        uncertain: bool = False, wider: int = 1,
+    ) -> None:  # fmt: skip
+        """Begin what `mode` needs at `start_s`; `sky` (1,) is the target's motion there.
+
+        The search of an `uncertain` target is as large as the filter says, that of any other at
+        most as large as configured; it goes along the `path` of the pass where that is given, and
+        is `wider` so many times.
+        """
         self._start_s, self._per_track = start_s, None
+        self._path, self._ahead_s = path, float(known.state.mean[0])
         scan = self._scans.sensors.get(mode) or self._scans.circles.get(mode)
         if mode == Mode.SEARCH:
-            self._pattern = self._search(start_s, known, sky)
+            self._pattern = self._search(start_s, known, sky, wider, uncertain)
         elif mode == Mode.PROGRAM_TRACK:
             self._pattern = self._scans.program.offset if self._scans.program else None
         else:
@@ -142,33 +156,48 @@ class ScanPatterns:
         values = np.array([self._pattern(float(t) - self._start_s) for t in times])
         if self._per_track is None or sky is None:
             return values[:, :2], values[:, 2:]
-        rows = direction_rows(sky)[:, :, :2]
         state = values * np.array([*self._per_track, *self._per_track])
+        if self._path is not None:
+            return self._along_path(times, state, sky)
+        rows = direction_rows(sky)[:, :, :2]
         offset, rate = (np.einsum("nij,nj->ni", rows, part) for part in (state[:, :2], state[:, 2:]))
         # The track turns while it is searched along.
         if len(times) > 2:
             rate = rate + np.einsum("nij,nj->ni", np.gradient(rows, times, axis=0, edge_order=2), state[:, :2])
         return offset, rate
 
-    def _search(self, t_s: float, known: TrimFilter, sky: SkyMotion | None) -> Pattern:
+    def _along_path(self, times: Array, state: Array, sky: SkyMotion) -> tuple[Array, Array]:
+        """Return offset and rate (n, 2) of a search in s along and m left of the pass."""
+        assert self._path is not None
+        known, motion = self._path.moved(times, self._ahead_s)
+        there, moved = self._path.moved(times, self._ahead_s + state[:, 0])
+        left = direction_rows(SkyMotion(moved[:, 0], moved[:, 1], sky.range_m))[:, :, 1]
+        offset = there - known + left * state[:, 1:2]
+        return offset, moved * (1.0 + state[:, 2:3]) - motion + left * state[:, 3:4]
+
+    def _search(
+        self, t_s: float, known: TrimFilter, sky: SkyMotion | None, wider: int, uncertain: bool
+    ) -> Pattern:  # fmt: skip
         params = self._scans.spiral
+        params = params.replace(sigmas=min(wider * params.sigmas, 10.0))
         beamwidth = params.half_power_beamwidth_rad
-        if known.state.used and sky is not None:
+        if (known.state.used or uncertain) and sky is not None:
             sigma = math.sqrt(
                 float(np.max(np.linalg.eigvalsh(known.trim(t_s, SkyMotion(*_first(sky))).covariance_rad2)))
             )
-            params = params.replace(
-                uncertainty_rad=min(max(sigma, LEAST_SIGMA_BEAMWIDTHS * beamwidth), params.uncertainty_rad)
-            )
+            # Where the target stands a spiral is all there is, however long.
+            longest = min(MOST_TURNS * params.pitch_beamwidths * beamwidth / params.sigmas, LARGEST_SIGMA_RAD)
+            most = longest if uncertain else params.uncertainty_rad
+            params = params.replace(uncertainty_rad=min(max(sigma, LEAST_SIGMA_BEAMWIDTHS * beamwidth), most))
         spiral = SpiralSearch(params)
         if spiral.duration_s <= LONGEST_SPIRAL_S or sky is None:
             return spiral.offset
-        return self._strips(t_s, known, sky) or spiral.offset
+        return self._strips(t_s, known, sky, params) or spiral.offset
 
-    def _strips(self, t_s: float, known: TrimFilter, sky: SkyMotion) -> Pattern | None:
+    def _strips(self, t_s: float, known: TrimFilter, sky: SkyMotion, params: SpiralParams) -> Pattern | None:
         """Return the search in strips: seconds along the track, metres across it."""
         right, up, range_m = _first(sky)
-        speed, params = math.hypot(right, up), self._scans.spiral
+        speed = math.hypot(right, up)
         if speed < SLOWEST_RAD_S:
             return None
         covariance, least = known.trim(t_s, SkyMotion(right, up, range_m)).covariance_rad2, LEAST_SIGMA_BEAMWIDTHS
@@ -199,7 +228,11 @@ def sensor_cost(
     beamwidth, prior = scans.spiral.half_power_beamwidth_rad, TrimFilter(trim)
     covariance = prior.trim(0.0, SkyMotion(*_first(sky))).covariance_rad2
     if sensor is None:
-        return SensorCost(power=_mean_power(covariance, beamwidth))
+        # Nine targets of ten are nearer than this, if both axes are as wide as the wider one.
+        sigma = math.sqrt(float(np.linalg.eigvalsh(covariance)[-1]))
+        power = _mean_power(covariance, beamwidth)
+        worst = float(received_power(math.sqrt(-2.0 * math.log(0.1)) * sigma, beamwidth))
+        return SensorCost(power=power, power_90=min(worst, power))
     search, scan = ScanPatterns(scans), ScanPatterns(scans)
     search.begin(Mode.SEARCH, 0.0, prior, sky)
     scan.begin(sensor.name, 0.0, prior, sky)
@@ -225,7 +258,11 @@ def sensor_cost(
         found_s = float(times[np.argmax(passed)]) if passed.any() else table.search_s
         # Only one turn later is it known that the carrier was strongest there.
         taken.append(table.settle_s + found_s + (table.search_turn_s if sensor.scans else 0.0))
-    return SensorCost(acquisition_s=float(np.mean(taken)), power=power, memory_s=table.coast_s)
+    mean_s, most_s = float(np.mean(taken)), float(np.quantile(taken, 0.9))
+    return SensorCost(
+        acquisition_s=mean_s, power=power, memory_s=table.coast_s, unheld_s=mean_s, unheld_90_s=most_s, power_90=power,
+        search_rad_s=scans.spiral.rate_rad_s,
+    )  # fmt: skip
 
 
 def array_cost(
@@ -250,7 +287,7 @@ def array_cost(
             np.square(loop_offsets_rad(loop, noise * drawn)[round(RAMPED_S / loop.sample_s) :]), axis=(0, 1)
         )
         powers[heard] = [_mean_power(each * np.eye(2), beamwidth_rad) for each in (variance + bias**2).tolist()]
-    return SensorCost(power=float(np.mean(powers)))
+    return SensorCost(power=float(np.mean(powers)), power_90=float(np.min(powers)))
 
 
 def loop_offsets_rad(params: TrackerIntegratorParams, noise_rad: Array) -> Array:

@@ -6,7 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rf_pointing.core.signals import HeldDirection
 from rf_pointing.core.types import Array
+from rf_pointing.tracking.sensors import SENSORS
 
 
 class Level(IntEnum):
@@ -62,6 +64,16 @@ class TrackingStatus:
     offsets: str = ""
     level: int = Level.OK
     alarm: str = ""
+
+    @property
+    def held_direction(self) -> HeldDirection | None:
+        """The direction in which a sensor holds the target, None while none does."""
+        if not (self.held and self.mode in SENSORS):
+            return None
+        return HeldDirection(
+            t_s=self.t_s, azimuth_rad=self.azimuth_rad, elevation_rad=self.elevation_rad,
+            beamwidth_rad=self.half_power_beamwidth_rad,
+        )  # fmt: skip
 
     @property
     def offset_rad(self) -> Array:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from rf_pointing.calibration import BiasModel
-from rf_pointing.core import JointReading
+from rf_pointing.core import JointReading, Motion
 from rf_pointing.ephemeris import SITES, Pass, TopocentricTrack
 from rf_pointing.ephemeris.solar import SolarDirection, SunParams
 from rf_pointing.planning import AxisLimits, AxisRates, Gate, GateParams, HorizonMask, MachineParams, PassProfile
@@ -197,3 +197,22 @@ def test_a_corner_is_passed_by_axes_that_rest_within_a_step_of_a_rotator(
     away = first + np.radians([away_deg, -away_deg])
     following = made.approach(1.0, reading((float(away[0]), float(away[1])), rates), goal)
     assert (following is None or not np.array_equal(following, first)) is passed
+
+
+@pytest.mark.parametrize("sun", [False, True])
+def test_a_search_keeps_above_the_horizon_within_the_travel_and_beside_the_sun(sun: bool) -> None:
+    mask = HorizonMask(azimuth_rad=(0.0,), elevation_rad=(0.1,), clearance_rad=0.02)
+    made, times = planned(mask=mask, sun=sun), 1151434800.0 + 0.1 * np.arange(600)
+    sun_rad = made.sun.avoided(times[0]) or (0.0, -1.0)
+    place = np.array(sun_rad) + np.array([0.0, -0.05]) if sun else np.array([1.0, 0.12])
+    still, turns = np.zeros((len(times), 2)), np.linspace(0.0, 16.0 * math.pi, len(times))
+    centre = Motion(still + place, still, still)
+    offset = 0.2 * np.column_stack([np.cos(turns), np.sin(turns)]) * np.linspace(0.0, 1.0, len(times))[:, None]
+    kept = made.kept_inside(times[0], times, centre, Motion(centre.position + offset, still, still))
+    assert np.max(np.abs(kept.position - centre.position)) > 0.01, "it still looks around"
+    assert np.min(kept.position[:, 1]) > 0.1
+    if sun:
+        assert made.gate.check("scan", (1.0, 0.5), kept.position, sun_rad=sun_rad).allowed
+        unclipped = made.gate.check("scan", (1.0, 0.5), centre.position + offset, sun_rad=sun_rad)
+        assert not unclipped.allowed
+    assert np.max(np.abs(np.diff(kept.position, axis=0))) < 0.05, "without a jump"

@@ -1,0 +1,114 @@
+"""A pass of a target that may be early or late: when a sensor finds it, and what is held of it.
+
+Targets that stand for all are flown through the pass: quantiles of the distance from where it is
+expected times even angles, in units of the uncertainty along the track and across it, each with a
+bias of the mount.  A target is found where the search of the mode table first passes it, or where
+it comes into the beam by itself: near the rise a pass is slow, and seconds along the track are few
+degrees.  Without a sensor the beam stays on the prediction.
+"""
+
+import math
+
+import numpy as np
+
+from rf_pointing.core import MU, Mode, random_stream
+from rf_pointing.core.pass_outcome import received_power
+from rf_pointing.core.types import Array
+from rf_pointing.planning import PassProfile, SensorCost
+from rf_pointing.station.pointing.scan_patterns import RINGS, SPOKES, ScanPatterns, Scans
+from rf_pointing.tracking import AutotrackParams, SkyMotion, TrackPath, TrimFilter, TrimParams, direction_rows
+from rf_pointing.tracking.sensors import SensorTraits
+
+# Steps in which the pass is flown: less than a search needs for half a beam.
+STEP_S = 0.1
+# From where a search found it, back to the target, and from the edge of the beam to its middle: the
+# transition, a window of a scan, and the loop.
+RETURN_S, PULL_S = 4.0, 6.0
+# What certificates promise.
+PROMISED = 0.9
+
+
+def uncertain_cost(
+    sensor: SensorTraits | None, scans: Scans, prior: TrimParams, table: AutotrackParams, profile: PassProfile,
+    latitude_rad: float, begin_s: float,
+) -> SensorCost:  # fmt: skip
+    """Return what a sensor costs on a pass, from `begin_s` on, whose target is known like `prior`.
+
+    None: the prediction alone is followed, and its error stays.
+    """
+    beamwidth, fine = scans.spiral.half_power_beamwidth_rad, profile.resampled()
+    path = TrackPath(fine.t_s, fine.position_rad, fine.range_m, latitude_rad)
+    count = max(math.ceil((float(fine.t_s[-1]) - begin_s) / STEP_S), 2)
+    times: Array = np.asarray(begin_s + STEP_S * np.arange(count), dtype=np.float64)
+    errors = _errors_rad(times, path, fine, prior)
+    if sensor is None:
+        distance = np.hypot(errors[..., 0], errors[..., 1])
+        power = np.mean(received_power(distance, beamwidth), axis=1)
+        unheld = STEP_S * np.count_nonzero(distance > 0.5 * beamwidth, axis=1)
+        return SensorCost(
+            power=float(np.mean(power)), power_90=float(np.quantile(power, 1.0 - PROMISED)),
+            unheld_s=float(np.mean(unheld)), unheld_90_s=float(np.quantile(unheld, PROMISED)),
+        )  # fmt: skip
+    taken = _found_after_s(sensor, scans, prior, table, times, errors, path, fine)
+    power_of_scan = 1.0
+    scan = ScanPatterns(scans)
+    scan.begin(sensor.name, 0.0, TrimFilter(prior), None)
+    if scan.running:
+        offsets = scan.at(10.0 + np.arange(0.0, 60.0, 0.05), None)[0]
+        power_of_scan = float(np.mean(received_power(np.hypot(*offsets.T), beamwidth)))
+    mean_s, most_s = float(np.mean(taken)), float(np.quantile(taken, PROMISED))
+    return SensorCost(
+        acquisition_s=mean_s, power=power_of_scan, memory_s=table.coast_s, unheld_s=mean_s, unheld_90_s=most_s,
+        power_90=power_of_scan, search_rad_s=scans.spiral.rate_rad_s,
+    )  # fmt: skip
+
+
+def _errors_rad(times: Array, path: TrackPath, fine: PassProfile, prior: TrimParams) -> Array:
+    """Return where the targets are from the prediction (targets, n, 2)."""
+    quantiles = (np.arange(RINGS) + 0.5) / RINGS
+    radius, angle = np.sqrt(-2.0 * np.log1p(-quantiles)), 2.0 * math.pi * (np.arange(SPOKES) + 0.5) / SPOKES
+    ahead_s = prior.along_track_s * np.outer(radius, np.cos(angle)).ravel()
+    left_m = prior.cross_track_m * np.outer(radius, np.sin(angle)).ravel()
+    biases = prior.bias_rad * random_stream(1, "biases of the mount").standard_normal((len(ahead_s), 2))
+    range_m, found = np.interp(times, fine.t_s, fine.range_m), []
+    for tau_s, across_m, bias in zip(ahead_s.tolist(), left_m.tolist(), biases, strict=True):
+        offset, rate = path.moved(times, tau_s)
+        left = direction_rows(SkyMotion(rate[:, 0], rate[:, 1], range_m))[:, :, 1]
+        found.append(offset + left * across_m + bias)
+    return np.array(found)
+
+
+def _found_after_s(
+    sensor: SensorTraits, scans: Scans, prior: TrimParams, table: AutotrackParams, times: Array, errors: Array,
+    path: TrackPath, fine: PassProfile,
+) -> Array:  # fmt: skip
+    """Return when each target (targets,) is held, in s after the first of the times (n,)."""
+    beamwidth, known = scans.spiral.half_power_beamwidth_rad, TrimFilter(prior)
+    # A scan begins with a carrier as weak as `beam_drop_db`, a stare within half power.
+    at_once = (
+        beamwidth * math.sqrt(table.beam_drop_db * math.log(10.0) / (10.0 * MU)) if sensor.scans else 0.5 * beamwidth
+    )
+    beam, reach = np.zeros((len(times), 2)), np.full(len(times), at_once)
+    begin_s, fruitless = float(times[0]) + table.settle_s, 0
+    while begin_s < times[-1]:
+        rows = (times >= begin_s) & (times < begin_s + table.search_s)
+        _, motion = path.moved(times[rows], 0.0)
+        sky = SkyMotion(motion[:, 0], motion[:, 1], np.interp(times[rows], fine.t_s, fine.range_m))
+        search = ScanPatterns(scans)
+        search.begin(Mode.SEARCH, begin_s, known, sky, path, uncertain=True, wider=1 + fruitless)
+        beam[rows], reach[rows] = search.at(times[rows], sky)[0], 0.5 * beamwidth
+        begin_s, fruitless = begin_s + table.search_s + table.settle_s, fruitless + 1
+    searching = reach < at_once if sensor.scans else np.any(beam != 0.0, axis=1)
+    distance = np.hypot(*np.moveaxis(errors - beam, -1, 0))
+    taken = []
+    for apart in distance:
+        met = np.flatnonzero(apart <= reach)
+        if not len(met):
+            taken.append(float(times[-1] - times[0]))
+            continue
+        first = int(met[0])
+        # Only one turn later is it known that the carrier was strongest there.
+        later_s = RETURN_S + table.search_turn_s * sensor.scans if searching[first] else 0.0
+        pull_s = PULL_S if not searching[first] and apart[first] > 0.5 * beamwidth else 0.0
+        taken.append(float(times[first] - times[0]) + later_s + pull_s)
+    return np.array(taken)
