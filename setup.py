@@ -50,6 +50,7 @@ EXECUTABLES = {
         "orbit_from_passes",
         "plan_calibration",
         "plan_passes",
+        "replay",
         "report",
         "scan",
         "station",

@@ -41,6 +41,7 @@ QUICK = {
     "random_dishes": "2 4",
     "receiver": "--seconds 1",
     "recorded_pass": "monopulse",
+    "replay": "",
     "servo": "--runs 1",
     "slew_paths": "--trials 100 --each 50",
     "tracking": "",

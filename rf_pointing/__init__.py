@@ -1,7 +1,6 @@
-"""Ground-station antenna pointing: `import rf_pointing as rp`.
+"""Ground-station antenna pointing: `import rf_pointing as rp`; docs/api.md shows it at work.
 
-A numeric core without ROS, and in `nodes` the ROS 2 graph around it.  The names below are the
-public surface; each is loaded when it is first used.  docs/api.md shows them at work.
+A numeric core without ROS, and around it the ROS 2 graph in `nodes`.  Names load when first used.
 """
 
 import importlib
@@ -15,6 +14,7 @@ if TYPE_CHECKING:
     from rf_pointing.api.passes import Look, PassCertificate, StationPass
     from rf_pointing.api.plan import Plan
     from rf_pointing.api.recording import Recording
+    from rf_pointing.api.replay import Replay, replay
     from rf_pointing.api.simulated import SimulatedPass
     from rf_pointing.api.station import Station
     from rf_pointing.api.target import Target, catalogue, elements
@@ -36,6 +36,7 @@ _HOMES = {
     "PassCertificate": "api.passes",
     "Plan": "api.plan",
     "Recording": "api.recording",
+    "Replay": "api.replay",
     "SimulatedPass": "api.simulated",
     "Station": "api.station",
     "StationPass": "api.passes",
@@ -48,14 +49,15 @@ _HOMES = {
     "orbit_from_passes": "api.orbits",
     "plan_network": "api.network",
     "read_model": "calibration.model_file",
+    "replay": "api.replay",
     "tune": "api.tuning",
 }
 """Every public name, and the module that it is loaded from."""
 __all__ = [
     "BiasModel", "DeterminedOrbit", "Fit", "Look", "ModelVersion", "NetworkPlan", "Observations",
-    "OrbitCovariance", "PassCertificate", "Plan", "Recording", "SimulatedPass", "Station",
+    "OrbitCovariance", "PassCertificate", "Plan", "Recording", "Replay", "SimulatedPass", "Station",
     "StationPass", "Target", "Tuning", "catalogue", "elements", "fit", "orbit_covariance",
-    "orbit_from_passes", "plan_network", "read_model", "tune",
+    "orbit_from_passes", "plan_network", "read_model", "replay", "tune",
 ]  # fmt: skip
 
 if not TYPE_CHECKING:

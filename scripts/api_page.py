@@ -37,6 +37,8 @@ GROUPS = {
     "Loops": ("tune", "Tuning"),
     "Recordings and calibration": (
         "Recording",
+        "replay",
+        "Replay",
         "fit",
         "Fit",
         "read_model",

@@ -358,6 +358,9 @@ def run_setup(program: str, request: RunRequest, output: Path, begin_s: float, a
         if station.description.receiver != "simulated":
             clock["errors_in_time"] = False
         parameters = {"simulation_clock": clock} | parameters
+    # Next to the bag lies all that the run was flown with: files of the user may change later.
+    for node, values in request.said.items():
+        parameters[node] = parameters.get(node, {}) | values
     kind |= horizon_to_notes(station.controller.mask)
     return RunSetup(
         program=program,

@@ -9,7 +9,7 @@ that cannot be decoded is counted; NaN values are kept.
 import json
 import re
 from collections import defaultdict, deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,7 +27,14 @@ from rf_pointing.report.bag_source import READ_ERRORS, BagSource, open_bag
 from rf_pointing.report.bag_writer import LOST_NOTE, PROBLEM_NOTE, TopicLoss
 from rf_pointing.report.mcap_tail import publish_times
 from rf_pointing.report.summary import Complaint
-from rf_pointing.report.topics import TOPICS, TopicData, as_column, head_reader, types_of
+from rf_pointing.report.topics import (
+    TOPICS,
+    TopicData,
+    TopicLayout,
+    as_column,
+    head_reader,
+    types_of,
+)
 
 _DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
 _DECODE_ERRORS = (SerdeError, AttributeError, *READ_ERRORS)
@@ -42,9 +49,8 @@ Take = Callable[[int, bytes], None]
 class _Rows:
     """Growing columns of one topic."""
 
-    def __init__(self, name: str, topic: str, typestore: Typestore) -> None:
-        self.topic = topic
-        self.layout = TOPICS[name]
+    def __init__(self, layout: TopicLayout, topic: str, typestore: Typestore) -> None:
+        self.topic, self.layout = topic, layout
         self.head, self.head_length = head_reader(self.layout.type_name, typestore)
         self.typestore = typestore
         self.logs: list[int] = []
@@ -97,7 +103,10 @@ class _Rows:
 class _Collector:
     """Reads all messages of `source` once; `namespace` chooses the antenna."""
 
-    def __init__(self, source: BagSource, namespace: str) -> None:
+    def __init__(
+        self, source: BagSource, namespace: str, layouts: Mapping[str, TopicLayout]
+    ) -> None:  # fmt: skip
+        self._layouts = layouts
         self.problems = list(source.problems)
         self.warnings: dict[tuple[str, str], tuple[str, int]] = {}
         self.others: dict[str, int] = defaultdict(int)
@@ -111,9 +120,10 @@ class _Collector:
         self._read_publish_times(source)
 
     def topics(self) -> dict[str, TopicData]:
-        """Return the topics of the antenna by relative name, in the order of `TOPICS`."""
+        """Return the topics of the antenna by relative name, in the order of their layouts."""
         rows, times = self._rows, self._published
-        return {name: rows[name].data(times[rows[name].topic]) for name in TOPICS if name in rows}
+        found = [name for name in self._layouts if name in rows]
+        return {name: rows[name].data(times[rows[name].topic]) for name in found}
 
     def all_problems(self) -> tuple[str, ...]:
         """Return what is wrong with the recording, each problem once, in words for the user."""
@@ -183,7 +193,8 @@ class _Collector:
 
     def _taker(self, connection: Connection) -> Take:
         name = connection.topic.removeprefix(f"{self._namespace}/")
-        layout = TOPICS.get(name) if connection.topic == f"{self._namespace}/{name}" else None
+        mine = connection.topic == f"{self._namespace}/{name}"
+        layout = self._layouts.get(name) if mine else None
         if layout is None:
             diagnostics = connection.topic == "/diagnostics" and connection.msgtype == _DIAGNOSTICS
             return self._take_diagnostics if diagnostics else self._counter(connection.topic)
@@ -192,7 +203,8 @@ class _Collector:
         elif connection.msgtype not in self._typestore.fielddefs:
             self.problems.append(f"{name} cannot be decoded: the bag does not define {connection.msgtype}")
         else:
-            return self._rows.setdefault(name, _Rows(name, connection.topic, self._typestore)).take
+            rows = _Rows(layout, connection.topic, self._typestore)
+            return self._rows.setdefault(name, rows).take
         return self._counter(connection.topic)
 
     def _counter(self, topic: str) -> Take:
@@ -276,7 +288,9 @@ def antennas(path: Path | str) -> list[str]:
         return _antennas(open_bag(Path(path), stack))
 
 
-def read_recording(path: Path | str, *, namespace: str | None = None) -> Recording:
+def read_recording(
+    path: Path | str, *, namespace: str | None = None, layouts: Mapping[str, TopicLayout] = TOPICS
+) -> Recording:
     """Read the recording of one antenna.
 
     Parameters
@@ -285,6 +299,8 @@ def read_recording(path: Path | str, *, namespace: str | None = None) -> Recordi
         Bag directory, or one of its files.
     namespace
         Which antenna; needed when the bag holds several.
+    layouts
+        What is read of which topics.
 
     Raises
     ------
@@ -299,13 +315,13 @@ def read_recording(path: Path | str, *, namespace: str | None = None) -> Recordi
         if not found:
             raise ValueError("; ".join([f"path={path} holds no topic of an antenna", *source.problems]))
         chosen = _chosen(found, namespace, path)
-        collector = _Collector(source, chosen)
+        collector = _Collector(source, chosen, layouts)
         topics = collector.topics()
         if collector.missing:
             # A second time, from what is intact, with what was found of the first.
             damage, before = collector.problems, collector.count
             rest = open_bag(path, stack, damaged=True)
-            rest.notes, collector = source.notes, _Collector(rest, chosen)
+            rest.notes, collector = source.notes, _Collector(rest, chosen, layouts)
             topics = collector.topics()
             collector.problems += [*damage, f"{collector.count - before} messages beyond the damage are used"]
         problem = source.notes.get(PROBLEM_NOTE, "")

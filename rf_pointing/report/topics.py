@@ -19,7 +19,7 @@ from rosbags.typesys.store import Typestore
 
 from rf_pointing.core import AXES
 from rf_pointing.core.modes import Sensor
-from rf_pointing.core.types import IntArray
+from rf_pointing.core.types import Array, IntArray
 
 Head = tuple[int, ...]
 _IDL_SEPARATOR = "=" * 80 + "\n"
@@ -51,6 +51,12 @@ class TopicData:
             sequence=None if self.sequence is None else self.sequence[chosen],
             columns={name: values[chosen] for name, values in self.columns.items()},
         )
+
+    @property
+    def t_s(self) -> Array:
+        """Stamps (n,) in s, of a type that has them."""
+        assert self.stamp_ns is not None
+        return np.asarray(self.stamp_ns * 1e-9, dtype=np.float64)
 
     def __getitem__(self, column: str) -> NDArray[Any]:
         return self.columns[column]

@@ -89,7 +89,7 @@ def _needed(recording: Recording, name: str) -> TopicData:
 
 def _stretches(targets: TopicData) -> list[tuple[str, ReferenceTrack]]:
     """Return name and motion of each target for as long as it was followed without a gap."""
-    t_s = _seconds(targets)
+    t_s = targets.t_s
     names = targets["target"]
     new = np.flatnonzero((names[1:] != names[:-1]) | (np.abs(np.diff(t_s)) > PASS_GAP_S)) + 1
     found = []
@@ -116,7 +116,7 @@ class _Sensed:
 
 def _sensed(recording: Recording) -> _Sensed:
     errors = _needed(recording, "pointing_error")
-    t_s, sensor = _seconds(errors), errors["sensor"].astype(str)
+    t_s, sensor = errors.t_s, errors["sensor"].astype(str)
     moving = [traits.name for traits in SENSORS.values() if traits.scans]
     scanning = np.isin(sensor, moving)
     position = _interpolated(_needed(recording, "joint_states"), "position", t_s)
@@ -124,7 +124,7 @@ def _sensed(recording: Recording) -> _Sensed:
     if recording.get("tracking_status") is not None:
         status = _needed(recording, "tracking_status")
         centre = _interpolated(status, "scan_centre", t_s)
-        latest = np.searchsorted(_seconds(status), t_s, side="right") - 1
+        latest = np.searchsorted(status.t_s, t_s, side="right") - 1
         mode = np.where(latest >= 0, status["mode"].astype(str)[latest], "")
         # Where the beam is while it scans is part of the scan, for every sensor.
         scans = np.isin(mode, moving)
@@ -143,7 +143,7 @@ def _sensed(recording: Recording) -> _Sensed:
 def _interpolated(data: TopicData, column: str, t_s: Array) -> Array:
     """Return a column (n, 2) of a topic at `t_s`, NaN outside of it."""
     values = np.array(data[column].tolist(), dtype=np.float64)
-    own_s = _seconds(data)
+    own_s = data.t_s
     # A recorder under load may write messages out of order.
     order = np.argsort(own_s, kind="stable")
     axes = [np.interp(t_s, own_s[order], values[order, axis], left=np.nan, right=np.nan) for axis in (0, 1)]
@@ -179,8 +179,3 @@ def _recorded(
         good=good,
         notes=(left_out,) if far else (),
     )
-
-
-def _seconds(data: TopicData) -> Array:
-    assert data.stamp_ns is not None
-    return np.asarray(data.stamp_ns * 1e-9, dtype=np.float64)

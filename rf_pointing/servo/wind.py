@@ -19,7 +19,7 @@ import copy
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -173,3 +173,59 @@ class Wind:
             self._state.left_s += _GUST_STEP_S
         along, across = self.speed_m_s
         return np.array(wind_torque_n_m(self.params, along, across, azimuth_rad, elevation_rad))
+
+
+class WindSource(Protocol):
+    """Whatever turns the axes of a simulated antenna from outside."""
+
+    @property
+    def speed_m_s(self) -> tuple[float, float]:
+        """Wind speed along a direction and across it to the right, as an anemometer shows it."""
+
+    def step(self, dt_s: float, azimuth_rad: float, elevation_rad: float) -> Array:
+        """Advance by `dt_s` and return the torque (2,) in N m of both axes."""
+
+
+class RecordedWind:
+    """Wind that blew once more: linear between its records, and held at both ends.
+
+    Parameters
+    ----------
+    params : of the dish; its mean speed and direction do not count.
+    start_s : time at which the first step begins.
+    t_s : times (n,) of the records, rising.
+    velocity_m_s : velocity (n, 2) of the air to east and north, whose torque follows the attitude.
+    torque_n_m : torque (n, 2) of azimuth and elevation itself, in place of a velocity.
+    """
+
+    def __init__(
+        self, params: WindParams, start_s: float, t_s: Array, *,
+        velocity_m_s: Array | None = None, torque_n_m: Array | None = None,
+    ) -> None:  # fmt: skip
+        if (velocity_m_s is None) == (torque_n_m is None):
+            raise ValueError("a recorded wind needs velocity_m_s or torque_n_m, one of them")
+        # Named by where it comes from: along 0 deg it blows to the south, and its right is west.
+        self._params = params.replace(from_azimuth_rad=0.0)
+        self._torque = torque_n_m is not None
+        self._t_s, self._now_s = t_s, start_s
+        given = torque_n_m if velocity_m_s is None else -velocity_m_s[:, ::-1]
+        self._columns = np.asarray(given).T
+
+    @property
+    def speed_m_s(self) -> tuple[float, float]:
+        """Wind speed to south and west; zero where only its torque is known."""
+        return (0.0, 0.0) if self._torque else self._now()
+
+    def step(self, dt_s: float, azimuth_rad: float, elevation_rad: float) -> Array:
+        """Advance by `dt_s` and return the torque (2,) in N m of both axes."""
+        first, second = self._now()
+        self._now_s += dt_s
+        if self._torque:
+            return np.array((first, second))
+        return np.array(wind_torque_n_m(self._params, first, second, azimuth_rad, elevation_rad))
+
+    def _now(self) -> tuple[float, float]:
+        first, second = (
+            float(np.interp(self._now_s, self._t_s, column)) for column in self._columns
+        )
+        return first, second

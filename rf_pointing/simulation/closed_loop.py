@@ -46,13 +46,14 @@ def ticks(antenna: TickedAntenna[Output], count: int | None = None, first: int =
 
 
 class PointedTick(NamedTuple):
-    """One tick at `t_s`; `status` and `trajectory` only in the controller's periods."""
+    """One tick at `t_s`; `status`, `trajectory` and `target` only in the controller's periods."""
 
     t_s: float
     reading: JointReading
     boresight: Boresight
     status: TrackingStatus | None
     trajectory: JointTrajectory | None
+    target: Target | None = None
 
 
 class PointedAntenna:
@@ -97,13 +98,15 @@ class PointedAntenna:
         self.controller.take_joints(self._known)
         self._known = reading
         # A real publisher predicts no target long before the pass.
+        target = None
         if t_s + TARGET_LEAD_S >= self._targets_from_s:
-            self.controller.take_target(self._target_at(round(t_s + TARGET_LEAD_S, 6)))
+            target = self._target_at(round(t_s + TARGET_LEAD_S, 6))
+            self.controller.take_target(target)
         trajectory, status = self.controller.step(t_s)
         # Accepted at once: it begins a tenth of a second ahead, longer than any transport.
         if trajectory is not None:
             self.antenna.accept(trajectory, t_s)
-        return PointedTick(t_s, reading, boresight, status, trajectory)
+        return PointedTick(t_s, reading, boresight, status, trajectory, target)
 
     def _target_at(self, t_s: float) -> Target:
         # It changes slowly, and costs as much as the target.

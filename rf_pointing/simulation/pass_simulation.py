@@ -17,11 +17,12 @@ from rf_pointing.core import PointingError, Sensor
 from rf_pointing.core.parameters import read_parameter_files
 from rf_pointing.core.types import Array
 from rf_pointing.drives import make_drive, simulated, takes_positions
-from rf_pointing.ephemeris import Pass, TopocentricTrack
+from rf_pointing.ephemeris import ElementUncertainty, Pass, TopocentricTrack
 from rf_pointing.ephemeris.learned_times import LearnedTimes
 from rf_pointing.ephemeris.source import load_track
 from rf_pointing.planning import Certificate
 from rf_pointing.receiver.registry import SAMPLES as SAMPLED
+from rf_pointing.servo import WindParams, WindSource
 from rf_pointing.simulation.closed_loop import PointedAntenna, ticks
 from rf_pointing.station.antenna.drive_antenna import DriveAntenna
 from rf_pointing.station.antenna.radio import SampledReceiver, SimulatedRadio, seeded
@@ -87,6 +88,10 @@ class StationSetup:
         registered (`tracking.sensors.register`).
     array
         Measures each reception with an array on the dish, the sensor `array`.
+    wind
+        Makes the wind of each simulated antenna in place of the description's gusts.
+    truth
+        Where the satellite really is, in place of the receiver's `source`.
 
     Raises
     ------
@@ -105,11 +110,13 @@ class StationSetup:
         model: BiasModel | Path | None = None,
         tracker: CarrierTracker | None = None,
         array: Callable[[Reception], PointingError] | None = None,
+        wind: Callable[[WindParams], WindSource] | None = None,
+        truth: TopocentricTrack | None = None,
     ) -> None:
         load_trackers()
         self.station = station if isinstance(station, StationDescription) else read_station(station)
         self.band = self.station.default_band if band is None else band
-        self._tracker, self.array = tracker, array
+        self._tracker, self.array, self._wind, self._truth = tracker, array, wind, truth
         self.changes: dict[str, dict[str, object]] = defaultdict(dict)
         """Values that files and experiment put over the description, by node and dotted name."""
         for node, given in read_parameter_files(files).items():
@@ -144,7 +151,10 @@ class StationSetup:
         params = AntennaParams(**self.sets("antenna_servo"))
         drive = simulated(params.drive)
         if not takes_positions(drive.type):
-            return SimulatedAntenna(params, hardware)
+            antenna = SimulatedAntenna(params, hardware)
+            if self._wind is not None:
+                antenna.hardware.blow(self._wind(params.wind))
+            return antenna
         return DriveAntenna(params.replace(drive=drive), make_drive(drive, params.antenna.start_rad), 0.0)
 
     def receiver(self) -> SimulatedReceiver | SampledReceiver:
@@ -153,7 +163,7 @@ class StationSetup:
         Where the station's receiver takes samples, it is the meter of a simulated radio's.
         """
         sets = self.sets("rf_receiver")
-        signal, real = sets["signal"], load_track(sets["source"])
+        signal, real = sets["signal"], self._truth or load_track(sets["source"])
         if self.station.receiver not in SAMPLED:
             return SimulatedReceiver(signal, real)
         radio = seeded(self.sets("signal_source")["sdr"], signal.seed)
@@ -180,16 +190,24 @@ def simulate_pass(
     sensor: str = "",
     on_reception: Callable[[Reception], object] | None = None,
     scan: ScanProgramParams | None = None,
+    on_signal: Callable[[str, Any], object] | None = None,
+    track: TopocentricTrack | None = None,
 ) -> PassLog:
     """Return the log of one pass, from `start_t_s` (time to slew included) to loss of signal.
 
     Without a `sensor` the station's default one tracks.  `on_reception` is called with every
     reception.  With a `scan` program track is scanned by it, and the log ends with the scan.
+    `on_signal` is called with the topic of the graph and every signal that would be sent on it.
+    The controller predicts by the `track`, by default that of the setup.
     """
-    track, sensor = setup.track(), setup.station.chosen_sensor(sensor, setup.band)
+    given, sensor = track, setup.station.chosen_sensor(sensor, setup.band)
+    track = given or setup.track()
+    send = on_signal or (lambda _topic, _signal: None)
     publisher = setup.sets("ephemeris_publisher")
-    law, lesson = publisher["uncertainty"], LearnedTimes(publisher["publisher"].learned_file)
-    believed = lesson.applied(track, window.tca_t_s, law)
+    lesson = LearnedTimes(publisher["publisher"].learned_file)
+    law: ElementUncertainty | None = None if given is not None else publisher["uncertainty"]
+    # A track of the caller's is what it is: no law of elements, and nothing learned of them.
+    believed = lesson.applied(track, window.tca_t_s, law) if law is not None else track
     if sensor == Sensor.ARRAY and setup.array is None:
         raise ValueError("sensor=array needs an array: what measures the receptions with it is not given")
     antenna, receiver, controller = setup.antenna(), setup.receiver(), setup.controller()
@@ -201,6 +219,7 @@ def simulate_pass(
     pointed = PointedAntenna(antenna, controller, believed, start_t_s, window.aos_t_s - EARLY_TARGET_S, law)
     controller.plan.take_profiles([pass_profile(believed, window, law=law)])
     controller.start(start_t_s, window, sensor, scan)
+    send("joint_states", antenna.reading(start_t_s))
     log.certificate = controller.plan.certificate
     mode = controller.state.mode
     for _, tick in ticks(pointed, round((window.los_t_s - start_t_s) / antenna.params.tick_s) - 1, first=1):
@@ -211,20 +230,31 @@ def simulate_pass(
             if (held := status.held_direction) is not None:
                 lesson.take(held)
             carrier.take_status(status.t_s, status.scan_centre_rad, status.offset_rad, status.mode, status.sensor)
+            send("antenna_status", antenna.status(tick.t_s))
+            send("tracking_status", status)
+            if tick.target is not None:
+                send("target", tick.target)
         if trajectory is not None:
             log.command_t_s.append(float(trajectory.t_s[0]))
             log.command_rad.append((float(trajectory.position_rad[0, 0]), float(trajectory.position_rad[0, 1])))
+            send("joint_trajectory", (tick.t_s, trajectory))
         # Every tick, not only in a period: the circle of a scan is read off the encoders.
         carrier.take_joints(tick.reading)
+        send("joint_states", tick.reading)
         reception = receiver.take(tick.boresight)
         if reception is not None:
             # Before the next period, as on the graph: only errors stamped before it are used.
-            if reception.cluster is not None:
-                controller.take_error(monopulse.measure(reception.cluster))
+            errors = [*carrier.take_power(reception.power)]
             if setup.array is not None:
-                controller.take_error(setup.array(reception))
-            for error in carrier.take_power(reception.power):
+                errors.insert(0, setup.array(reception))
+            if reception.cluster is not None:
+                errors.insert(0, monopulse.measure(reception.cluster))
+                send(Sensor.MONOPULSE, reception.cluster)
+            send("carrier_power", reception.power)
+            send("sim/pointing_error", reception.truth)
+            for error in errors:
                 controller.take_error(error)
+                send("pointing_error", error)
             log.t_s.append(reception.truth.t_s)
             log.cross_elevation_rad.append(reception.truth.cross_elevation_rad)
             log.elevation_rad.append(reception.truth.elevation_rad)
@@ -234,6 +264,7 @@ def simulate_pass(
                 on_reception(reception)
         if scan is not None and not controller.busy:
             break
-    log.learned = lesson.end_pass(track, law)
+    if law is not None:
+        log.learned = lesson.end_pass(track, law)
     log.fault, log.ended = antenna.safety.latch.text, controller.statistics.reason
     return log

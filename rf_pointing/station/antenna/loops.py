@@ -41,7 +41,7 @@ Law = PositionLoopParams | LqgDesign
 AnyLaw = PositionLaw[Any, Any]
 
 AT_REST = np.zeros(2)
-_PI, _LQG = "pi", "lqg"
+_PI, LQG = "pi", "lqg"
 BY_DRIVE = "drive"
 """The law of a drive that takes positions and closes the loop itself."""
 _AZIMUTH, _ELEVATION = dss13_loops("tuned")
@@ -57,7 +57,9 @@ MOVED = 1.25
 class LoopParams(Params):
     """Position laws of both axes, the watch over them, and the limits of every command."""
 
-    law: str = parameter(_PI, "position law of both axes; drive: that of the device", choices=(_PI, _LQG, BY_DRIVE))
+    law: str = parameter(
+        _PI, "position law of both axes; drive: that of the device", choices=(_PI, LQG, BY_DRIVE)
+    )  # fmt: skip
     azimuth: PositionLoopParams = parameter(_AZIMUTH, "azimuth PI loop")
     elevation: PositionLoopParams = parameter(_ELEVATION, "elevation PI loop")
     lqg_file: str = parameter("", "file of the LQG designs, empty for those of DSS-13")

@@ -12,7 +12,7 @@ import numpy as np
 from rf_pointing.core import Boresight, JointReading, Params, parameter, random_stream, require_choice, require_finite
 from rf_pointing.core.types import Array, Pair
 from rf_pointing.drives import DriveParams
-from rf_pointing.servo import AntennaPlant, PlantParams, Wind, WindParams, dss13_plant
+from rf_pointing.servo import AntennaPlant, PlantParams, Wind, WindParams, WindSource, dss13_plant
 from rf_pointing.station.antenna.axes import Following
 from rf_pointing.station.antenna.control_unit import ControlUnit
 from rf_pointing.station.antenna.loops import LoopParams
@@ -115,9 +115,13 @@ class SimulatedHardware(AntennaPlant):
         super().__init__(params.plant, random_stream(seed, "encoder"), params.antenna.start_rad)
         self.brake()
         self.injected = InjectedFaults()
-        self._wind = Wind(params.wind, random_stream(seed, "wind"))
+        self._wind: WindSource = Wind(params.wind, random_stream(seed, "wind"))
         self._torque = np.zeros(2)
         self._beam = SimulatedBeam(params.mount, params.antenna.lag_averaging_s, self._tick_s)
+
+    def blow(self, wind: WindSource) -> None:
+        """Let another wind blow from now on, as one that was recorded."""
+        self._wind = wind
 
     @property
     def switch_rad(self) -> Pair:
