@@ -80,7 +80,9 @@ def board_metrics(
     if "target" in fresh:
         age_h = live.get("sky_target", {}).get("age_h")
         age = [({}, 3600.0 * age_h)] if age_h is not None else []
-        families.append(Family("elements_age", "seconds", "Age of the elements of the selected target.", age))
+        families.append(
+            Family("elements_age", "seconds", "Age of the elements of the selected target.", age)
+        )
     if "executive" in fresh:
         families += _night(kept)
     return families
@@ -90,8 +92,20 @@ def page_metrics(viewers: int, commands: int, refused: int) -> list[Family]:
     """Return what the page counts of itself."""
     return [
         Family("page_viewers", "", "Viewers of the page now.", [({}, viewers)]),
-        Family("page_commands", "", "Commands of viewers since the page started.", [({}, commands)], "counter"),
-        Family("page_refusals", "", "Requests refused since the page started.", [({}, refused)], "counter"),
+        Family(
+            "page_commands",
+            "",
+            "Commands of viewers since the page started.",
+            [({}, commands)],
+            "counter",
+        ),
+        Family(
+            "page_refusals",
+            "",
+            "Requests refused since the page started.",
+            [({}, refused)],
+            "counter",
+        ),
     ]
 
 
@@ -100,11 +114,26 @@ def _antenna(live: Mapping[str, Any]) -> list[Family]:
     encoders = live.get("encoder_deg") or (math.nan, math.nan)
     errors = [there - here for there, here in zip(commanded, encoders, strict=True)]
     rows = (
-        ("axis_position", "degrees", "Encoder of an axis; the turn of the cables counts.", encoders),
+        (
+            "axis_position",
+            "degrees",
+            "Encoder of an axis; the turn of the cables counts.",
+            encoders,
+        ),
         ("axis_command", "degrees", "Commanded position of an axis.", commanded),
         ("axis_error", "degrees", "Commanded position of an axis less its encoder.", errors),
-        ("axis_rate", "degrees_per_second", "Rate that is commanded to an axis.", live.get("rate_deg_s", ())),
-        ("axis_rate_limit", "degrees_per_second", "Largest rate of an axis.", live.get("rate_limit_deg_s", ())),
+        (
+            "axis_rate",
+            "degrees_per_second",
+            "Rate that is commanded to an axis.",
+            live.get("rate_deg_s", ()),
+        ),
+        (
+            "axis_rate_limit",
+            "degrees_per_second",
+            "Largest rate of an axis.",
+            live.get("rate_limit_deg_s", ()),
+        ),
     )
     return [
         *(
@@ -112,12 +141,19 @@ def _antenna(live: Mapping[str, Any]) -> list[Family]:
             for name, unit, words, values in rows
         ),
         _states("antenna_mode", "Mode of the antenna.", AntennaMode, live.get("antenna", "")),
-        Family("fault_latched", "", "Whether the antenna has a latched fault.", [({}, bool(live.get("fault")))]),
+        Family(
+            "fault_latched",
+            "",
+            "Whether the antenna has a latched fault.",
+            [({}, bool(live.get("fault")))],
+        ),
     ]
 
 
 def _tracking(live: Mapping[str, Any]) -> list[Family]:
-    found = [_states("pointing_mode", "Mode of the pointing controller.", Mode, live.get("tracking", ""))]
+    found = [
+        _states("pointing_mode", "Mode of the pointing controller.", Mode, live.get("tracking", ""))
+    ]
     if not live.get("target"):
         return found
     off = [each * live["beamwidth_deg"] for each in live.get("error_beamwidths", ())]
@@ -137,12 +173,20 @@ def _tracking(live: Mapping[str, Any]) -> list[Family]:
             "Carrier to noise density of the target.",
             carrier if carrier > 0.0 else math.nan,
         ),
-        ("pass_tracked", "seconds", "Time of this pass in which the target was held.", live["seconds_tracked"]),
+        (
+            "pass_tracked",
+            "seconds",
+            "Time of this pass in which the target was held.",
+            live["seconds_tracked"],
+        ),
         ("pass_lost", "seconds", "Time of this pass in which it was not.", live["seconds_lost"]),
         ("pass_loss", "db", "Mean pointing loss of this pass.", live["mean_loss_db"]),
         ("pass_held", "", "Whether the target is held.", float(live["held"])),
     )
-    return [*found, *(Family(name, unit, words, [({}, value)]) for name, unit, words, value in rows)]
+    return [
+        *found,
+        *(Family(name, unit, words, [({}, value)]) for name, unit, words, value in rows),
+    ]
 
 
 def _night(kept: Mapping[str, Any]) -> list[Family]:
@@ -172,7 +216,13 @@ def _states(name: str, words: str, known: Iterable[str], present: str) -> Family
     states = dict.fromkeys([*map(str, known), *([present] if present else [])], 0.0) | (
         {present: 1.0} if present else {}
     )
-    return Family(name, "", words, [({PREFIX + name: key}, value) for key, value in states.items()], "stateset")
+    return Family(
+        name,
+        "",
+        words,
+        [({PREFIX + name: key}, value) for key, value in states.items()],
+        "stateset",
+    )
 
 
 def _escaped(text: str) -> str:

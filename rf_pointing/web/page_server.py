@@ -74,7 +74,9 @@ STRICT = (
     "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
 # A report brings its own style and pictures, and names that somebody else has chosen.
-OF_REPORTS = "sandbox allow-same-origin; default-src 'none'; style-src 'unsafe-inline'; img-src 'self' data:"
+OF_REPORTS = (
+    "sandbox allow-same-origin; default-src 'none'; style-src 'unsafe-inline'; img-src 'self' data:"
+)
 HEADERS = {
     "X-Content-Type-Options": "nosniff", "Referrer-Policy": "no-referrer", "Cache-Control": "no-cache",
     "Cross-Origin-Resource-Policy": "same-origin", "X-Frame-Options": "DENY",
@@ -124,9 +126,13 @@ class NewestSections:
 
     def news(self, seen: dict[str, int]) -> str:
         """Return the sections newer than those `seen`, "" for none, and note them there."""
-        news = {name: text for name, (count, text) in self._texts.items() if seen.get(name) != count}
+        news = {
+            name: text for name, (count, text) in self._texts.items() if seen.get(name) != count
+        }
         seen.update((name, self._texts[name][0]) for name in news)
-        return "{" + ",".join(f'"{name}":{text}' for name, text in news.items()) + "}" if news else ""
+        return (
+            "{" + ",".join(f'"{name}":{text}' for name, text in news.items()) + "}" if news else ""
+        )
 
 
 class PageApp:
@@ -144,12 +150,16 @@ class PageApp:
         """The newest metrics of the station, and the steady time at which they were made."""
         self._params, self._token = params, token.encode()
         own = ("localhost", "127.0.0.1", "::1", params.address)
-        self._names = {name.strip().lower() for name in (*own, *params.hosts.split(",")) if name.strip()}
+        self._names = {
+            name.strip().lower() for name in (*own, *params.hosts.split(",")) if name.strip()
+        }
         self._waiting = 0
         self._in_request = set[Any]()
         self._reports = Path(params.reports).expanduser().resolve() if params.reports else None
         # In memory, under their names: no request is turned into a path.
-        self._files = {path.name: path.read_bytes() for path in FILES.iterdir() if path.suffix in PAGE_TYPES}
+        self._files = {
+            path.name: path.read_bytes() for path in FILES.iterdir() if path.suffix in PAGE_TYPES
+        }
 
     @property
     def viewers(self) -> int:
@@ -219,7 +229,9 @@ class PageApp:
         name = request.match_info.get("name", "index.html")
         if name not in self._files:
             raise web.HTTPNotFound(text=f"no such page: {name[:80]}")
-        return web.Response(body=self._files[name], content_type=PAGE_TYPES[Path(name).suffix], charset="utf-8")
+        return web.Response(
+            body=self._files[name], content_type=PAGE_TYPES[Path(name).suffix], charset="utf-8"
+        )
 
     # The live stream
 
@@ -270,12 +282,18 @@ class PageApp:
 
     async def _take(self, request: web.Request) -> web.Response:
         kind, _, given = request.headers.get("Authorization", "").partition(" ")
-        if kind != "Bearer" or not hmac.compare_digest(given.strip().encode(errors="replace"), self._token):
+        if kind != "Bearer" or not hmac.compare_digest(
+            given.strip().encode(errors="replace"), self._token
+        ):
             self.refused += 1
             await asyncio.sleep(WRONG_TOKEN_S)
-            raise web.HTTPUnauthorized(text="the token is wrong" if given else "a command needs the token")
+            raise web.HTTPUnauthorized(
+                text="the token is wrong" if given else "a command needs the token"
+            )
         if request.content_type != "application/json":
-            raise web.HTTPUnsupportedMediaType(text=f"content type {request.content_type} must be application/json")
+            raise web.HTTPUnsupportedMediaType(
+                text=f"content type {request.content_type} must be application/json"
+            )
         name, arguments = _parsed(await asyncio.wait_for(request.text(), HEADER_S))
         if name == UNLOCK:
             return _sentence(200, "the token is right", accepted=True)
@@ -288,7 +306,9 @@ class PageApp:
             self.requests.put(wanted)
             accepted, message = await asyncio.wait_for(asyncio.wrap_future(wanted.answer), ANSWER_S)
         except TimeoutError:
-            raise web.HTTPGatewayTimeout(text=f"{name}: no answer within {ANSWER_S:.0f} s") from None
+            raise web.HTTPGatewayTimeout(
+                text=f"{name}: no answer within {ANSWER_S:.0f} s"
+            ) from None
         finally:
             self._waiting -= 1
         return _sentence(200, message, accepted=accepted)
@@ -299,7 +319,11 @@ class PageApp:
         path = await asyncio.to_thread(self._inside, request.match_info["path"])
         if path is None:
             raise web.HTTPNotFound(text="no such report")
-        headers = {"Content-Type": REPORT_TYPES[path.suffix], **HEADERS, "Content-Security-Policy": OF_REPORTS}
+        headers = {
+            "Content-Type": REPORT_TYPES[path.suffix],
+            **HEADERS,
+            "Content-Security-Policy": OF_REPORTS,
+        }
         return web.FileResponse(path, headers=headers)
 
     def _inside(self, wanted: str) -> Path | None:
@@ -308,7 +332,11 @@ class PageApp:
             return None
         try:
             path = (self._reports / wanted).resolve()
-            inside = path.is_relative_to(self._reports) and path.suffix in REPORT_TYPES and path.is_file()
+            inside = (
+                path.is_relative_to(self._reports)
+                and path.suffix in REPORT_TYPES
+                and path.is_file()
+            )
         except (ValueError, OSError):
             return None
         return path if inside else None
@@ -331,7 +359,12 @@ class PageApp:
         ]  # fmt: skip
 
 
-PAGE_TYPES = {".html": "text/html", ".css": "text/css", ".js": "text/javascript", ".svg": "image/svg+xml"}
+PAGE_TYPES = {
+    ".html": "text/html",
+    ".css": "text/css",
+    ".js": "text/javascript",
+    ".svg": "image/svg+xml",
+}
 
 
 class PageServer:
@@ -348,7 +381,9 @@ class PageServer:
             self.app, self._runner, self.port = self._wait(self._start(token))
         except OSError as error:
             self._end_loop()
-            raise ValueError(f"{params.address}:{params.port} cannot be used: {error.strerror}") from error
+            raise ValueError(
+                f"{params.address}:{params.port} cannot be used: {error.strerror}"
+            ) from error
 
     @property
     def address(self) -> str:
@@ -358,7 +393,10 @@ class PageServer:
 
     def put(self, sections: Mapping[str, Any]) -> None:
         """Show sections, from any thread; NaN and infinity are shown as missing."""
-        texts = {name: json.dumps(shown(value), separators=(",", ":")) for name, value in sections.items()}
+        texts = {
+            name: json.dumps(shown(value), separators=(",", ":"))
+            for name, value in sections.items()
+        }
         self._loop.call_soon_threadsafe(self.app.board.put, texts)
 
     @property
@@ -376,7 +414,11 @@ class PageServer:
     async def _start(self, token: str) -> tuple[PageApp, web.AppRunner, int]:
         app = PageApp(self._params, token)
         runner = web.AppRunner(
-            app.application(), access_log=None, shutdown_timeout=0.5, keepalive_timeout=HEADER_S, lingering_time=1.0
+            app.application(),
+            access_log=None,
+            shutdown_timeout=0.5,
+            keepalive_timeout=HEADER_S,
+            lingering_time=1.0,
         )
         await runner.setup()
 
@@ -385,7 +427,9 @@ class PageServer:
             return runner.server()
 
         try:
-            self._port = await self._loop.create_server(admitted, self._params.address, self._params.port)
+            self._port = await self._loop.create_server(
+                admitted, self._params.address, self._params.port
+            )
         except OSError:
             await runner.cleanup()
             raise
@@ -435,7 +479,10 @@ def _parsed(body: str) -> tuple[str, Mapping[str, Any]]:
 
     try:
         content = parse_json(
-            body, parse_constant=no_number, parse_int=partial(number, int), parse_float=partial(number, float)
+            body,
+            parse_constant=no_number,
+            parse_int=partial(number, int),
+            parse_float=partial(number, float),
         )
     except json.JSONDecodeError as error:
         raise ValueError(f"the body is not JSON: {error}") from error
