@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 import rf_pointing
 from rf_pointing.calibration.pass_errors import PassPriors
 from rf_pointing.core import Params, leaves, to_degrees, with_leaves
+from rf_pointing.orbit.study import Tracking
 from rf_pointing.servo import dss13_plant
 from rf_pointing.tracking.monopulse import MonopulseCalibration
 
@@ -42,7 +43,7 @@ KNOWN: dict[str, Params] = {
     type(each).__name__: each
     for each in (
         dss13_plant(), dss13_plant().azimuth, PassPriors(along_track_m=5.0),
-        MonopulseCalibration(response_real=(1.0, 0.0, 0.0, 1.0), response_imaginary=(0.0,) * 4),
+        Tracking(angle_sigma_rad=5e-5), MonopulseCalibration(response_real=(1.0, 0.0, 0.0, 1.0), response_imaginary=(0.0,) * 4),
     )
 }  # fmt: skip
 IN_OTHER_WORDS = ("pass priors are all zero", "does not separate cross-elevation", "principal moments")

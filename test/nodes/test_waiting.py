@@ -30,7 +30,7 @@ from rf_pointing.ros.graph import FOREIGN, TOPICS
 from rf_pointing.ros.stamps import stamp_from_seconds
 from rf_pointing.station.description import read_station
 
-JOINTS, TARGET = "joint_states (antenna_servo)", "target (ephemeris_publisher)"
+JOINTS, TARGET = "joint_states (antenna_servo)", "target (ephemeris_publisher, target_designate)"
 ANTENNA, TRACKING = "antenna_status (antenna_servo)", "tracking_status (pointing_controller)"
 RECEIVER = "(rf_receiver, or a receiver of your own)"
 WATCHED = f"{JOINTS}, {ANTENNA}, {TRACKING}"

@@ -231,6 +231,7 @@ def test_each_antenna_keeps_its_state_by_default_in_a_folder_of_its_own(
         "rotctld_server": key,
         "operator_page": {"page.reports": nights, **key},
         "station_alarms": {"folder": nights},
+        "ephemeris_publisher": {"publisher.learned_file": str(folder / "learned_times.json")},
         "station_executive": {
             "executive.state_file": str(folder / "station_executive.json"), "executive.folder": nights, **key,
         },

@@ -107,10 +107,11 @@ def test_a_target_is_in_kilometres_and_hours() -> None:
         "range_km": 1234.6,
         "range_rate_m_s": -6543.2,
         "age_h": None,
+        "along_sigma_s": None,
     }
     assert target_values(target) == shown
     target.covariance = [1e-9] * 16
-    assert target_values(target) == shown | {"age_h": 2.5}
+    assert target_values(target) == shown | {"age_h": 2.5, "along_sigma_s": 0.0}
 
 
 def test_what_moves_is_shown_as_far_as_it_is_known() -> None:

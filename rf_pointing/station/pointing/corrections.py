@@ -130,6 +130,7 @@ class PointingCorrections:
         self._integrator.freeze(t_s)
         self._over = False
         self._prior, self._path, self._fruitless = self._trim_params, None, 0
+        self._stated: tuple[TrimParams, TrackPath | None] = self._trim_params, None
         self._shown_s, self._whole = 0.0, None
         self.surprises = 0
         """How often the target was too far off for what was known of it: a manoeuvre, perhaps."""
@@ -317,6 +318,8 @@ class PointingCorrections:
 
     def _be_surprised(self) -> None:
         """Take the target to be less certain than stated: its filter has refused what it sees."""
+        if not self.surprises:
+            self._stated = self._prior, self._path
         self.surprises += 1
         along_s, cross_m = SURPRISE * self._prior.along_track_s, SURPRISE * self._prior.cross_track_m
         self._prior = self._prior.replace(along_track_s=min(along_s, 60.0), cross_track_m=min(cross_m, 1e6))
@@ -352,7 +355,9 @@ class PointingCorrections:
         before = [a + b for a, b in zip(self._corrections(now), self._scan(now), strict=True)]
         tracking = self._tracking_correction(now)[0][0]
         if mode == Mode.HOLD_OFF:
-            # What a false lock taught is wrong, all of it.
+            # What a false lock taught is wrong, all of it, also that the target surprises.
+            self._prior, self._path = self._stated
+            self.surprises = 0
             self.filter, tracking = TrimFilter(self._prior), np.zeros(2)
         searched = self._scans.running == Mode.SEARCH
         found = self._found if searched and (mode in SENSORS or mode == Mode.COAST) else None
