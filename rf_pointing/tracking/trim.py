@@ -19,7 +19,7 @@ from rf_pointing.core.types import Array
 
 # A prior that is no more than so many times too small costs nothing: the first measurements weigh
 # more than it does.
-USUAL = 1.5
+USUAL = 3.0
 # Elevation above which cross-elevation is no longer turned into ever larger azimuth.
 STEEPEST_RAD = math.radians(88.0)
 EARTH_RATE_RAD_S = 2.0 * math.pi / 86164.1
