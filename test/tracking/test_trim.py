@@ -183,14 +183,14 @@ def test_a_path_knows_where_a_target_seconds_ahead_is_to_a_millidegree(ahead_s: 
     np.testing.assert_allclose(path.moved(times, 0.0)[0], 0.0, atol=1e-12)
 
 
-@pytest.mark.parametrize("sigma_s", [0.02, 0.2, 0.3, 4.0, 500.0])
+@pytest.mark.parametrize("sigma_s", [0.02, 0.4, 0.6, 4.0, 500.0])
 def test_the_prior_is_what_is_known_of_the_target_where_that_is_less_than_configured(sigma_s: float) -> None:
-    sky, cross_m = SkyMotion(3e-3, -4e-3, 1.2e6), 700.0 if sigma_s > 0.25 else 100.0
+    sky, cross_m = SkyMotion(3e-3, -4e-3, 1.2e6), 700.0 if sigma_s > 0.45 else 100.0
     rows = direction_rows(sky)[:, :2]
     covariance = rows @ np.diag([sigma_s**2, cross_m**2]) @ rows.T
     for along_s in (0.0, sigma_s):
         found = prior_for(PARAMS, SkyUncertainty(covariance_rad2=covariance, along_track_s=along_s), sky)
-        if sigma_s < 0.25:
+        if sigma_s < 0.45:
             assert found is PARAMS
             continue
         assert (found.along_track_s, found.cross_track_m) == pytest.approx((min(sigma_s, 60.0), cross_m))
