@@ -76,7 +76,7 @@ def windows(states: np.ndarray, t_s: np.ndarray, site: Site) -> list[np.ndarray]
 
 
 def plant(case: Case, trials: int, seed: int) -> Planted:
-    """Return trials of a case; the covariance of what is drawn is what the fit is told."""
+    """Return trials of a case; the fit gets the covariance of what is drawn."""
     rng = random_stream(seed, case.name)
     (elements,) = (one for one in verification_elements() if one.catalogue_number == 28057)
     epoch_t_s = elements.epoch_t_s

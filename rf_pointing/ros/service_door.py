@@ -155,7 +155,7 @@ class ServiceDoor:
                     service.send_response(response, header)
             except InvalidHandle:
                 continue  # the service is closed
-            except Exception:
+            except (rclpy_implementation.RCLError, UnicodeDecodeError):
                 # The end of this caller is not known yet, or the graph cannot be read.
                 known[service] = False
             if not known[service] and time.monotonic() < until_s:

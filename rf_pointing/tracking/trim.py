@@ -17,8 +17,8 @@ from rf_pointing.core import MDEG, Params, SkyUncertainty, as_finite_array, para
 from rf_pointing.core.constants import EARTH_RADIUS_M
 from rf_pointing.core.types import Array
 
-# A prior that is no more than so many times too small costs nothing: the first measurements weigh
-# more than it does.
+# A prior that is no more than so many times too small is kept; elements of two days have that. With
+# 1.5 the 34-m antenna searched so widely on elements of a day that it held 75 of 113 s.
 USUAL = 3.0
 # Elevation above which cross-elevation is no longer turned into ever larger azimuth.
 STEEPEST_RAD = math.radians(88.0)
