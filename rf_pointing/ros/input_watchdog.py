@@ -198,9 +198,11 @@ class InputWatchdog:
         for name, long_s in self._lost_s.items():
             if long_s > PROVED_S and self._passes(name, self._own):
                 self._end(f"nothing has been received from {name} for {long_s:.0f} s, which others receive")
+        # A node looks only at those below its own namespace: others never name this one.
         silent_to = {
             name for name, one in self._neighbours.items()
             if one in recent and one.received is not None and self._own not in one.received
+            and self._own.startswith(f"{name.rpartition('/')[0]}/")
         }  # fmt: skip
         self._mute_s = {name: self._mute_s.get(name, 0.0) + passed_s for name in silent_to}
         mute = sorted(name for name, long_s in self._mute_s.items() if long_s > PROVED_S)

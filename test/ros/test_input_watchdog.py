@@ -170,6 +170,15 @@ def test_nodes_that_compare_whom_they_receive_find_the_one_that_starts_again(
     assert graph.watchdog.deaf == deaf
 
 
+def test_nodes_of_a_namespace_below_never_name_this_one() -> None:
+    below = tuple(f"/gs1/{site}/receiver" for site in ("usingen", "kourou", "weilheim"))
+    graph = Graph(below)
+    graph.sent[OWN].append("/gs1/target")
+    graph.taken |= {name: [TOPIC, "/gs1/target"] for name in below}
+    graph.run(60, received={name: "" for name in below})
+    assert graph.watchdog.deaf == ""
+
+
 def test_a_neighbour_that_was_killed_may_be_found_later_here_than_by_others() -> None:
     graph, without = Graph(), {each: ALL_BUT[each].replace(f"{SERVO} ", "") for each in OTHERS}
     graph.run(5, received=ALL_BUT)
