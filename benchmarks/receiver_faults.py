@@ -30,7 +30,8 @@ from real_station import free_port
 from rf_pointing_msgs.msg import CarrierPower
 
 from rf_pointing.receiver import GeneratorParams, SignalGenerator
-from rf_pointing.receiver.serving import Outlet, OutletParams, make_outlet
+from rf_pointing.receiver.params import OutletParams
+from rf_pointing.receiver.serving import Outlet, make_outlet
 from rf_pointing.ros.main_loop import make_executor
 from rf_pointing.ros.managed_graph import NodeProcesses
 from rf_pointing.ros.qos import STREAM

@@ -35,7 +35,8 @@ from rf_pointing.station.campaign.plan import beacons
 from rf_pointing.station.campaign.schedule import CalibrationSchedule, CampaignParams, schedule_calibration
 from rf_pointing.station.derive.signal import OPEN
 from rf_pointing.station.description.content import ReceiverSection
-from rf_pointing.station.designated.target import DesignatedTarget, DesignateParams
+from rf_pointing.station.designated.params import DesignateParams
+from rf_pointing.station.designated.target import DesignatedTarget
 from rf_pointing.tracking.power_tracker import scan_tuning
 
 DEFAULT_MODELS = "runs/models"

@@ -15,7 +15,8 @@ import numpy as np
 from rf_pointing.core import random_stream
 from rf_pointing.core.types import Array
 from rf_pointing.papers.row import Row
-from rf_pointing.receiver.nco import Oscillator, OscillatorParams
+from rf_pointing.receiver.nco import Oscillator
+from rf_pointing.receiver.params import OscillatorParams
 
 POINTS, SAMPLE_HZ, R = 8192, 160e6, 5
 TABLE = (-102.20, -108.22, -114.24, -120.26, -126.28, -132.30, -138.32, -144.35)

@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING
 from rf_pointing.core.lazy import lazily
 
 if TYPE_CHECKING:
-    from rf_pointing.receiver.generator import GeneratorParams, SignalGenerator
+    from rf_pointing.receiver.generator import SignalGenerator
     from rf_pointing.receiver.meter import Measurement, SignalMeter
-    from rf_pointing.receiver.params import SignalReceiverParams
+    from rf_pointing.receiver.params import GeneratorParams, SignalReceiverParams
     from rf_pointing.receiver.receiver import SignalReceiver
     from rf_pointing.receiver.registry import check_params, known_types, make_source
     from rf_pointing.receiver.source import ByteSource, Level, Source

@@ -7,46 +7,18 @@ spur-reduced oscillator, so that its own lines stay below any that a receiver mu
 """
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 import scipy.fft
 from numpy.typing import ArrayLike, NDArray
 
-from rf_pointing.core import Params, parameter, random_stream
+from rf_pointing.core import random_stream
 from rf_pointing.core.types import Array, ComplexArray
-from rf_pointing.receiver.nco import Oscillator, OscillatorParams
+from rf_pointing.receiver.nco import Oscillator
+from rf_pointing.receiver.params import GeneratorParams
 from rf_pointing.receiver.spectrum import Samples
 
-MODULATIONS = ("cw", "bpsk", "qpsk", "fm")
 SYMBOLS, OVERSAMPLING = 4096, 64
-
-
-@dataclass(frozen=True, kw_only=True)
-class GeneratorParams(Params):
-    """A transmitter and a radio."""
-
-    rate_hz: float = parameter(2.4e6, "complex samples per second", low=8e3, high=1e8)
-    clock_ppm: float = parameter(
-        0.0, "error of the radio's clock, positive when it is fast", low=-300.0, high=300.0
-    )
-    modulation: str = parameter("cw", "modulation of the carrier", choices=MODULATIONS)
-    symbol_rate_hz: float = parameter(
-        1e4, "symbols per second; of fm, the frequency of the tone", low=1.0, high=1e7
-    )
-    roll_off: float = parameter(
-        0.35, "roll-off of the symbols' root-raised-cosine pulses", low=0.05, high=1.0
-    )
-    deviation: float = parameter(2.0, "modulation index of fm", low=0.1, high=20.0)
-    channels: int = parameter(1, "1: sum; 3: sum and differences", low=1, high=3)
-    noise_dbfs: float = parameter(
-        -30.0, "noise of a channel below full scale", low=-90.0, high=10.0
-    )
-    bits: int = parameter(8, "bits of the converter; 0: none", low=0, high=16)
-    line_offset_hz: float = parameter(5e3, "interfering line, from the carrier", low=-1e6, high=1e6)
-    line_db_hz: float = parameter(-100.0, "its C/N0; -100: none", low=-100.0, high=120.0)
-    oscillator: OscillatorParams = parameter(OscillatorParams(), "oscillator of the carrier")
-    seed: int = parameter(1, "seed of every noise source", low=0, high=2**31 - 1)
 
 
 class SignalGenerator:

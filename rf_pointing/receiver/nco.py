@@ -5,23 +5,11 @@ lines fall by 6 (M + 1) dB per phase bit (NCO abstract), the noise is 1 / (4 pi^
 carrier (NCO after eq. 5).
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.core import Params, parameter
 from rf_pointing.core.types import Array
-
-
-@dataclass(frozen=True, kw_only=True)
-class OscillatorParams(Params):
-    """Word lengths of an oscillator."""
-
-    phase_bits: int = parameter(14, "phase bits that address the table", low=2, high=20)
-    dithers: int = parameter(1, "uniform dithers of the phase", low=0, high=4)
-    amplitude_bits: int = parameter(0, "bits of the output; 0: not reduced", low=0, high=24)
-    table_bits: int = parameter(0, "bits of the table; 0: not reduced", low=0, high=24)
+from rf_pointing.receiver.params import OscillatorParams
 
 
 class Oscillator:

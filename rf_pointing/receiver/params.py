@@ -1,4 +1,7 @@
-"""Parameters of a real receiver: where its signal comes from, and what is measured in it."""
+"""Parameters of a receiver: where its signal comes from, what is measured, and how it is simulated.
+
+Every node that checks the station's file loads them, and none of the libraries of the receiver.
+"""
 
 from dataclasses import dataclass
 
@@ -12,6 +15,7 @@ LEVELS = ("scpi", "rigctl", "level")
 COMMAND = "command"
 UNKNOWN_FLOOR_DBM = -200.0
 OUTLET_FORMATS = ("rtl_tcp", "vita49", "zmq", "sigmf")
+MODULATIONS = ("cw", "bpsk", "qpsk", "fm")
 SAMPLE_FORMATS = ("cf32", "ci16", "ci8", "cu8")
 
 
@@ -160,3 +164,50 @@ class SignalReceiverParams(Params):
     iq: IqParams = parameter(IqParams(), "samples of a radio")
     signal: SignalSearchParams = parameter(SignalSearchParams(), "what is measured in samples")
     level: LevelParams = parameter(LevelParams(), "what a reported level means")
+
+
+@dataclass(frozen=True, kw_only=True)
+class OscillatorParams(Params):
+    """Word lengths of an oscillator."""
+
+    phase_bits: int = parameter(14, "phase bits that address the table", low=2, high=20)
+    dithers: int = parameter(1, "uniform dithers of the phase", low=0, high=4)
+    amplitude_bits: int = parameter(0, "bits of the output; 0: not reduced", low=0, high=24)
+    table_bits: int = parameter(0, "bits of the table; 0: not reduced", low=0, high=24)
+
+
+@dataclass(frozen=True, kw_only=True)
+class GeneratorParams(Params):
+    """A transmitter and a radio."""
+
+    rate_hz: float = parameter(2.4e6, "complex samples per second", low=8e3, high=1e8)
+    clock_ppm: float = parameter(
+        0.0, "error of the radio's clock, positive when it is fast", low=-300.0, high=300.0
+    )
+    modulation: str = parameter("cw", "modulation of the carrier", choices=MODULATIONS)
+    symbol_rate_hz: float = parameter(
+        1e4, "symbols per second; of fm, the frequency of the tone", low=1.0, high=1e7
+    )
+    roll_off: float = parameter(
+        0.35, "roll-off of the symbols' root-raised-cosine pulses", low=0.05, high=1.0
+    )
+    deviation: float = parameter(2.0, "modulation index of fm", low=0.1, high=20.0)
+    channels: int = parameter(1, "1: sum; 3: sum and differences", low=1, high=3)
+    noise_dbfs: float = parameter(
+        -30.0, "noise of a channel below full scale", low=-90.0, high=10.0
+    )
+    bits: int = parameter(8, "bits of the converter; 0: none", low=0, high=16)
+    line_offset_hz: float = parameter(5e3, "interfering line, from the carrier", low=-1e6, high=1e6)
+    line_db_hz: float = parameter(-100.0, "its C/N0; -100: none", low=-100.0, high=120.0)
+    oscillator: OscillatorParams = parameter(OscillatorParams(), "oscillator of the carrier")
+    seed: int = parameter(1, "seed of every noise source", low=0, high=2**31 - 1)
+
+
+@dataclass(frozen=True, kw_only=True)
+class OutletParams(Params):
+    """How generated samples are served."""
+
+    format: str = parameter("rtl_tcp", "how samples are served", choices=OUTLET_FORMATS)
+    host: str = parameter("127.0.0.1", "address to serve on; of vita49, where to send to")
+    port: int = parameter(1234, "port to serve on, or to send to", low=1, high=65535)
+    file: str = parameter("", "recording to write (sigmf): its .sigmf-meta file")

@@ -7,16 +7,14 @@ import struct
 import threading
 import time
 from collections import deque
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from rf_pointing.core import Params, parameter
 from rf_pointing.core.dates import to_utc_text
 from rf_pointing.receiver.iq_sources import RTL_FREQUENCY, RTL_MAGIC
-from rf_pointing.receiver.params import OUTLET_FORMATS
+from rf_pointing.receiver.params import OutletParams
 from rf_pointing.receiver.spectrum import Samples
 from rf_pointing.receiver.vita49 import (
     CONTEXT,
@@ -35,16 +33,6 @@ PAYLOAD = 360
 """Samples of a DIFI packet, so that it fits an Ethernet frame."""
 CONTEXT_S = 0.5
 WAIT_S = 0.1
-
-
-@dataclass(frozen=True, kw_only=True)
-class OutletParams(Params):
-    """How generated samples are served."""
-
-    format: str = parameter("rtl_tcp", "how samples are served", choices=OUTLET_FORMATS)
-    host: str = parameter("127.0.0.1", "address to serve on; of vita49, where to send to")
-    port: int = parameter(1234, "port to serve on, or to send to", low=1, high=65535)
-    file: str = parameter("", "recording to write (sigmf): its .sigmf-meta file")
 
 
 class Outlet:

@@ -1,7 +1,8 @@
 """Every node of a live station is killed in turn: it is back within 3 s, by itself, with what it knew.
 
 Measured from the start of the new process to its first output, without the time for which the processor was given to
-others: on a loaded machine that is most of it, and says nothing about the node.
+others: on a loaded machine that is most of it, and says nothing about the node.  What is left grows with the slowness
+of the machine.
 """
 
 import math
@@ -29,6 +30,7 @@ from std_srvs.srv import Trigger
 from rf_pointing.ros.managed_graph import NodeProcesses
 from rf_pointing.ros.qos import LATCHED, STREAM
 from rf_pointing.ros.stamps import seconds_from_stamp
+from test.conftest import within
 from test.graph.conftest import ask
 
 pytestmark = pytest.mark.graph
@@ -120,7 +122,7 @@ class Station:
         watch = Stopwatch(*(self.processes.process_id(each) for each in {name, *PACING}))
         self.run_until(lambda: watch.look() >= 0.0 and set(names) <= set(self.heard), ", ".join(names))
         print(f"{name} back after {watch.net_s:.2f} s")
-        assert watch.net_s < RESTART_S, f"{name} took {watch.net_s:.2f} s"
+        assert within(watch.net_s, RESTART_S), f"{name} took {watch.net_s:.2f} s"
 
     def ask(self, kind: Any, name: str, request: Any) -> Any:
         return ask(self.live, kind, name, request)

@@ -19,7 +19,7 @@ from ament_index_python.packages import get_package_prefix
 from rf_pointing.ros.main_loop import make_executor
 from rf_pointing.ros.managed_graph import LifecycleClient, NodeProcesses
 from rf_pointing.ros.repeated_call import RepeatedCall
-from rf_pointing.ros.waiting import Waiting
+from rf_pointing.ros.waiting import TAKEN_UP_S, Waiting
 from rf_pointing.station.derive.nodes import NODES
 from rf_pointing.station.description import read_station
 from test.conftest import within
@@ -81,7 +81,8 @@ def ask(live: SimpleNamespace, service_type: Any, name: str, request: Any, *, ag
     A server that has just been started may lose its first answer: a question that changes nothing can be put again.
     """
     client = live.node.create_client(service_type, name if name.startswith("/") else f"{live.namespace}/{name}")
-    live.spin_until(client.service_is_ready, name)
+    taken_up_s = time.monotonic() + TAKEN_UP_S
+    live.spin_until(lambda: time.monotonic() > taken_up_s and client.service_is_ready(), name)
     call = RepeatedCall(client, request) if again else client.call_async(request)
     live.spin_until(call.done, f"the answer of {name}")
     answer = call.result()

@@ -5,7 +5,8 @@ import pytest
 
 from rf_pointing.core import random_stream
 from rf_pointing.papers import nco
-from rf_pointing.receiver.nco import Oscillator, OscillatorParams
+from rf_pointing.receiver.nco import Oscillator
+from rf_pointing.receiver.params import OscillatorParams
 
 
 def test_every_row_holds_or_is_explained() -> None:

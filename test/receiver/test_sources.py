@@ -25,8 +25,8 @@ from rf_pointing.receiver import (
     make_source,
 )  # fmt: skip
 from rf_pointing.receiver.iq_sources import decoded, read_sigmf
-from rf_pointing.receiver.params import IqParams, LevelParams, SignalSearchParams, SourceLinkParams
-from rf_pointing.receiver.serving import DifiSender, Outlet, OutletParams, RtlTcpServer, make_outlet
+from rf_pointing.receiver.params import IqParams, LevelParams, OutletParams, SignalSearchParams, SourceLinkParams
+from rf_pointing.receiver.serving import DifiSender, Outlet, RtlTcpServer, make_outlet
 from rf_pointing.receiver.vita49 import Context, Packet, decode_context, decode_packet, encode_context, encode_packet
 
 RATE_HZ, CARRIER_HZ, CENTRE_HZ = 96e3, 437.5e6, 437.49e6

@@ -175,7 +175,7 @@ def test_nodes_of_a_namespace_below_never_name_this_one() -> None:
     graph = Graph(below)
     graph.sent[OWN].append("/gs1/target")
     graph.taken |= {name: [TOPIC, "/gs1/target"] for name in below}
-    graph.run(60, received={name: "" for name in below})
+    graph.run(60, received=dict.fromkeys(below, ""))
     assert graph.watchdog.deaf == ""
 
 

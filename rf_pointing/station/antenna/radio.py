@@ -6,34 +6,23 @@ Boresights come in, one per control tick, and each gives the samples since the o
 """
 
 import math
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
-from rf_pointing.core import Boresight, Params, PointingError, parameter
+from rf_pointing.core import Boresight, PointingError
 from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
 from rf_pointing.core.types import ComplexArray
 from rf_pointing.ephemeris import TopocentricTrack
-from rf_pointing.receiver.generator import GeneratorParams, SignalGenerator
+from rf_pointing.receiver.generator import SignalGenerator
 from rf_pointing.receiver.meter import SignalMeter
 from rf_pointing.receiver.params import SignalReceiverParams
 from rf_pointing.receiver.spectrum import IqSamples, Samples
 from rf_pointing.rf import Beam
-from rf_pointing.station.antenna.receiver import Arriving, ArrivingSignal, Reception, SignalParams
+from rf_pointing.station.antenna.receiver import Arriving, ArrivingSignal, RadioParams, Reception, SignalParams
 
 AHEAD_S, SPAN_S = 0.1, 5.0
 """Spacing and span of the range rates that a meter is given ahead of time."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class RadioParams(Params):
-    """A simulated software-defined radio behind the simulated antenna."""
-
-    carrier_hz: float = parameter(8.45e9, "frequency that arrives at the radio without Doppler", low=1e5, high=4e11)
-    doppler_hz: float = parameter(8.45e9, "frequency that the satellite sends", low=1e6, high=4e11)
-    centre_hz: float = parameter(8.45e9, "frequency to which the radio is tuned", low=1e5, high=4e11)
-    generator: GeneratorParams = parameter(GeneratorParams(rate_hz=2.4e5), "transmitter, noise and converter")
 
 
 class RadioPiece(NamedTuple):

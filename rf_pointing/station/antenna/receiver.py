@@ -26,6 +26,7 @@ from rf_pointing.core.types import Array
 from rf_pointing.ephemeris import TopocentricTrack
 from rf_pointing.radiometry.disc import DiscResponse
 from rf_pointing.radiometry.y_factor import source_noise_k
+from rf_pointing.receiver.params import GeneratorParams
 from rf_pointing.rf import (
     AtmosphereParams,
     Beam,
@@ -82,6 +83,16 @@ class SignalParams(Params):
     sun_flux_sfu: float = parameter(
         0.0, "flux of the Sun here, in 1e-22 W/m^2/Hz; 0: of the quiet Sun", low=0.0, high=1e6
     )
+
+
+@dataclass(frozen=True, kw_only=True)
+class RadioParams(Params):
+    """A simulated software-defined radio behind the simulated antenna."""
+
+    carrier_hz: float = parameter(8.45e9, "frequency that arrives at the radio without Doppler", low=1e5, high=4e11)
+    doppler_hz: float = parameter(8.45e9, "frequency that the satellite sends", low=1e6, high=4e11)
+    centre_hz: float = parameter(8.45e9, "frequency to which the radio is tuned", low=1e5, high=4e11)
+    generator: GeneratorParams = parameter(GeneratorParams(rate_hz=2.4e5), "transmitter, noise and converter")
 
 
 class Reception(NamedTuple):

@@ -133,7 +133,7 @@ def target_designate(of: Band) -> Derived:
     """Targets without an orbit, as others report them."""
     from rf_pointing.ephemeris.sites import Site
     from rf_pointing.station.derive import axes
-    from rf_pointing.station.designated.target import DesignateParams
+    from rf_pointing.station.designated.params import DesignateParams
 
     begin = Value(pass_elevation_deg(of.content), "mount.pass_elevation_deg")
     at_origin = Site.from_degrees(0.0, 0.0, 0.0)
@@ -170,8 +170,8 @@ def signal_receiver(of: Band) -> Derived:
 
 def signal_source(of: Band) -> Derived:
     """The radio of a simulated station whose receiver takes samples."""
-    from rf_pointing.receiver.serving import OutletParams
-    from rf_pointing.station.antenna.radio import RadioParams
+    from rf_pointing.receiver.params import OutletParams
+    from rf_pointing.station.antenna.receiver import RadioParams
     from rf_pointing.station.derive.signal import outlet, radio
 
     arriving = rf_receiver(of)

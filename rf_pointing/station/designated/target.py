@@ -9,10 +9,9 @@ whose reports jump or cease is followed to the end of its last pass, as it was p
 import math
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
-from rf_pointing.core import Params, SkyUncertainty, Target, parameter, require_choice
+from rf_pointing.core import SkyUncertainty, Target, require_choice
 from rf_pointing.core.signals import DESIGNATED
 from rf_pointing.designate import (
     CLASSES,
@@ -20,7 +19,6 @@ from rf_pointing.designate import (
     DesignatedPath,
     MotionFilter,
     Report,
-    ReportNoise,
     read_table,
 )
 from rf_pointing.designate.decoders import Decoder
@@ -30,6 +28,7 @@ from rf_pointing.ephemeris.uncertainty import place_uncertainty
 from rf_pointing.planning import HorizonMask, PassProfile
 from rf_pointing.receiver.level_sources import LineSource
 from rf_pointing.receiver.params import SignalReceiverParams, SourceLinkParams
+from rf_pointing.station.designated.params import DesignateParams
 from rf_pointing.station.pointing.certificates import pass_profile
 from rf_pointing.station.pointing.status import Level
 from rf_pointing.station.pointing.status import Report as Health
@@ -41,32 +40,6 @@ RENEWED, SILENT = 1.0 / 6.0, 0.25
 OLDEST_S, EARLIEST_S = 10.0, 1.0
 MOST_HEARD = 500
 LONGEST_SILENCE_S = 60.0
-
-
-@dataclass(frozen=True, kw_only=True)
-class DesignateParams(Params):
-    """Who reports, and what kind of target they report."""
-
-    source: str = parameter(
-        "", "addresses that reports come from, separated by blanks: adsb:HOST:PORT, sonde:ADDRESS:PORT, "
-        "mavlink:ADDRESS:PORT, each with /NAME for one target only; or table:FILE; empty: topics",
-    )  # fmt: skip
-    kind: str = parameter("aircraft", "balloon, aircraft, rocket or ship", choices=tuple(CLASSES))
-    target: str = parameter(
-        "", "name of the target in the reports that is selected at the start; empty: by service"
-    )
-    fused: bool = parameter(False, "all reports are of one target, whatever they name it")
-    latency_s: float = parameter(
-        0.0, "time from a place to the arrival of its report", low=0.0, high=60.0
-    )
-    noise: ReportNoise = parameter(ReportNoise(), "errors of the reports")
-    period_s: float = parameter(0.1, "time between two targets", low=0.02, high=10.0)
-    lead_s: float = parameter(
-        2.0, "how far ahead of its time a target is published", low=0.0, high=60.0
-    )
-    mask_rad: float = parameter(
-        math.radians(5.0), "elevation at which a target rises and sets", low=0.0, high=1.5
-    )
 
 
 class ReportSource(LineSource):

@@ -12,7 +12,8 @@ from rf_pointing.core.pass_outcome import LOSS_OF_SIGNAL
 from rf_pointing.designate import Report
 from rf_pointing.ephemeris import SITES
 from rf_pointing.planning import AxisLimits, HorizonMask
-from rf_pointing.station.designated.target import DesignatedTarget, DesignateParams
+from rf_pointing.station.designated.params import DesignateParams
+from rf_pointing.station.designated.target import DesignatedTarget
 
 SITE, T_S, NAME = SITES["Goldstone DSS-13"], 1.8e9, "designated 3C6444"
 MakeController = Callable[..., Any]
