@@ -513,7 +513,8 @@ def places(source: Source) -> list[Row]:
         ("command_files", "mount-independent command", ONE_COMMAND),
     ):
         modules = (module for module in source.station if own not in module.path)
-        whole = re.compile(word if word == ONE_TRACKER else rf"\b{word}\b")
+        # Not where it is a part of another word, as in --disable-external-lib-logs.
+        whole = re.compile(word if word == ONE_TRACKER else rf"(?<!-)\b{word}\b(?!-)")
         found = [m.path for m in modules if any(whole.search(name.lower()) for name in _words(m))]
         if word != ONE_TRACKER:
             found += [path for path, text in source.interfaces.items() if re.search(rf"\b{word}\b", text)]

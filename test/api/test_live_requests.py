@@ -16,7 +16,7 @@ from rf_pointing.api.station import Station
 from rf_pointing.api.target import Target, elements
 from rf_pointing.commands import calibrate, identify_antenna, track
 from rf_pointing.core.dates import parse_utc, utc_text
-from rf_pointing.ephemeris import Pass, find_elements, tle_lines, verification_elements
+from rf_pointing.ephemeris import Pass, tle_lines
 from rf_pointing.station.campaign.plan import beacons
 from rf_pointing.station.description import read_station
 
@@ -235,11 +235,6 @@ def test_the_default_is_the_first_pass_of_cbers_2_above_40_degrees() -> None:
     assert math.degrees(window.peak_elevation_rad) == pytest.approx(44.31, abs=0.01)
     assert window.aos_t_s == pytest.approx(1_151_384_323.8, abs=0.1)
     assert request("--start 2006-06-27T06:00:00").window.aos_t_s > window.los_t_s
-
-
-def test_a_file_of_elements_is_used() -> None:
-    Path("x.tle").write_text("MY BIRD\n" + "\n".join(tle_lines(find_elements(verification_elements(), "28057"))))
-    assert TrackRequest(station=DSS13, target=Target(location="x.tle", satellite="MY BIRD")).window.name == "MY BIRD"
 
 
 def test_a_pass_that_was_chosen_is_the_one() -> None:
