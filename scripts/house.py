@@ -39,8 +39,6 @@ SMALL_ON_PURPOSE: dict[str, str] = {
     "rf_pointing/calibration/ionosphere.py": "one physical model with its source, no step of the pipeline",
     "rf_pointing/api/keywords.py": "the rule of the public surface: angles and times by a name with its unit",
     "rf_pointing/ros/recorder.py": "examples record with it, too",
-    "rf_pointing/api/look.py": "a public result with its own page",
-    "rf_pointing/ros/convert_goals.py": "only conversions may name message fields",
     "rf_pointing/report/scan_picture.py": "one picture, like its neighbours",
     "rf_pointing/station/derive/signal.py": "one block of the derivation, like its neighbours",
 }

@@ -36,7 +36,7 @@ from rf_pointing.identification import Recording
 from rf_pointing.identification.study import study
 from rf_pointing.planning.horizon import horizon_to_notes
 from rf_pointing.ros.campaign_run import CalibrationOutcome, CalibrationRun
-from rf_pointing.ros.convert_goals import scan_to_message
+from rf_pointing.ros.convert_planning import scan_to_message
 from rf_pointing.ros.experiment_run import EndedEarlyError, ExperimentRun
 from rf_pointing.ros.graph import (
     ARRAY_GRAPH,
