@@ -39,8 +39,6 @@ SMALL_ON_PURPOSE: dict[str, str] = {
     "rf_pointing/calibration/ionosphere.py": "one physical model with its source, no step of the pipeline",
     "rf_pointing/api/keywords.py": "the rule of the public surface: angles and times by a name with its unit",
     "rf_pointing/ros/recorder.py": "examples record with it, too",
-    "rf_pointing/api/look.py": "a public result with its own page",
-    "rf_pointing/ros/convert_goals.py": "only conversions may name message fields",
     "rf_pointing/report/scan_picture.py": "one picture, like its neighbours",
     "rf_pointing/station/derive/signal.py": "one block of the derivation, like its neighbours",
 }
@@ -513,7 +511,8 @@ def places(source: Source) -> list[Row]:
         ("command_files", "mount-independent command", ONE_COMMAND),
     ):
         modules = (module for module in source.station if own not in module.path)
-        whole = re.compile(word if word == ONE_TRACKER else rf"\b{word}\b")
+        # Not where it is a part of another word, as in --disable-external-lib-logs.
+        whole = re.compile(word if word == ONE_TRACKER else rf"(?<!-)\b{word}\b(?!-)")
         found = [m.path for m in modules if any(whole.search(name.lower()) for name in _words(m))]
         if word != ONE_TRACKER:
             found += [path for path, text in source.interfaces.items() if re.search(rf"\b{word}\b", text)]

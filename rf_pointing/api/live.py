@@ -36,7 +36,7 @@ from rf_pointing.identification import Recording
 from rf_pointing.identification.study import study
 from rf_pointing.planning.horizon import horizon_to_notes
 from rf_pointing.ros.campaign_run import CalibrationOutcome, CalibrationRun
-from rf_pointing.ros.convert_goals import scan_to_message
+from rf_pointing.ros.convert_planning import scan_to_message
 from rf_pointing.ros.experiment_run import EndedEarlyError, ExperimentRun
 from rf_pointing.ros.graph import (
     ARRAY_GRAPH,
@@ -46,12 +46,11 @@ from rf_pointing.ros.graph import (
     GRAPH,
     NODES,
     RECEIVER_NODES,
-    with_receiver,
-    with_trackers,
 )
 from rf_pointing.ros.live_pass import outcome_line, track_designated, track_pass
 from rf_pointing.ros.live_scan import LiveScan
 from rf_pointing.ros.live_service import LiveService
+from rf_pointing.ros.managed_graph import with_receiver, with_trackers
 from rf_pointing.ros.stamps import seconds_from_stamp
 from rf_pointing.ros.station_client import StationClient
 from rf_pointing.ros.station_run import RunSetup, StationRun, parameter_file, run_to_end
@@ -345,7 +344,9 @@ def nodes_of(request: RunRequest) -> tuple[str, ...]:
 
 def run_setup(program: str, request: RunRequest, output: Path, begin_s: float, awaited: str) -> RunSetup:
     """Return the setup of a run that begins at `begin_s`; its files are written to `output`."""
-    station, factor = request.station, request.factor
+    station = request.station
+    # 0 is as fast as the machine can.
+    factor = 0.0 if request.speed in (None, "max") else float(request.speed)
     # The servo ticks one by one, or five ticks at once.
     ticks = not station.simulated or 0.0 < factor <= REAL_TIME_SPEED
     kind = {"drive": str(station.description.drive["type"])}

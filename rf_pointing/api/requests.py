@@ -114,11 +114,6 @@ class RunRequest:
             )
 
     @property
-    def factor(self) -> float:
-        """The speed as `simulation_clock` takes it: 0 as fast as the machine can."""
-        return 0.0 if self.speed in (None, "max") else float(self.speed)
-
-    @property
     def changes(self) -> dict[str, Any]:
         """Values over those of the station's description, by dotted key: another receiver."""
         if not self.receiver:
@@ -146,7 +141,7 @@ class RunRequest:
             return float(math.ceil(max(SLEW_TIME_S, slew_s + SETTLE_S)))
         # The start position belongs to the run, so a parameter file may set it.
         servo = self.station.description.sets("antenna_servo", self.station.band, self.said.get("antenna_servo"))
-        start = servo["antenna"].start_rad
+        start = servo["antenna"].start_azimuth_rad, servo["antenna"].start_elevation_rad
         sun = SolarDirection(params.sun).at(window.aos_t_s)
         times = [SLEW_TIME_S - SETTLE_S]
         # A pass over the top may begin on the other side; only the certificate knows whether it
@@ -223,13 +218,13 @@ class TrackRequest(RunRequest):
             start_s = self.target.first_t_s if station.simulated else time.time()
         lowest_rad = station.lowest_rad if self.mask_deg is None else math.radians(self.mask_deg)
         above, peak_rad = station.controller.mask.above(lowest_rad), math.radians(self.min_peak_deg)
-        return first_pass_above(station.track_of(self.target), start_s, peak_rad, above, SEARCH_S)
+        return first_pass_above(self.target.track(station.site), start_s, peak_rad, above, SEARCH_S)
 
     @property
     def stale_warning(self) -> str:
         """Error of stale elements at the pass, in beamwidths; "" for fresh ones."""
         beamwidth_rad = self.station.controller.machine.half_power_beamwidth_rad
-        track, stale_s = self.station.track_of(self.target), SourceParams().stale_days * DAY_S
+        track, stale_s = self.target.track(self.station.site), SourceParams().stale_days * DAY_S
         return stale_warning(track, self.window.tca_t_s, stale_s, ElementUncertainty(), beamwidth_rad)
 
     @property
@@ -245,7 +240,7 @@ class TrackRequest(RunRequest):
         """The scan for the requested accuracy at the weakest carrier, None without one."""
         if self.scan_sigma_mdeg is None:
             return None
-        params, track = self.station.controller, self.station.track_of(self.target)
+        params, track = self.station.controller, self.target.track(self.station.site)
         # The link is weakest at the horizon, where the range is longest.
         farthest_m = max(float(track.target_at(t_s).range_m) for t_s in (self.window.aos_t_s, self.window.los_t_s))
         level_db_hz = params.link.level_db_hz(farthest_m)

@@ -147,10 +147,6 @@ class LearnedTimes:
             # Time was set back: another pass.
             self._held = [held]
 
-    def waits_since_s(self) -> float:
-        """Return when the last direction was noted, infinite without one."""
-        return self._held[-1].t_s if self._held else math.inf
-
     def end_pass(self, track: TopocentricTrack, law: ElementUncertainty) -> str:
         """Learn from the directions noted, and say what; "" where they are too few."""
         held, self._held = self._held, []

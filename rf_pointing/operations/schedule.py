@@ -181,12 +181,6 @@ class Schedule:
         """The pass in work."""
         return next((each for each in self.entries.values() if each.state == PassState.ACTIVE), None)
 
-    @property
-    def claims(self) -> set[str]:
-        """Ids of the passes that this antenna tracks, is to track, or has tracked."""
-        done = (PassState.ACTIVE, PassState.TRACKED)
-        return {each.item.id for each in self.entries.values() if each.planned or each.state in done}
-
     def expire(self, now_s: float) -> list[Entry]:
         """Note as missed what is over, or nearly over, and has not begun; return what is new."""
         over = []

@@ -1,10 +1,11 @@
-"""Messages from and to passes and the planner's nouns, as pairs, like `convert.py`."""
+"""Messages from and to passes, goals and the planner's nouns, as pairs, like `convert.py`."""
 
 import math
 from collections.abc import Sequence
 
 import numpy as np
 from rf_pointing_msgs import msg as ours
+from rf_pointing_msgs.action import Scan, TrackPass
 
 from rf_pointing.core import require_finite
 from rf_pointing.ephemeris import Pass
@@ -13,6 +14,8 @@ from rf_pointing.planning import Branch, Certificate, MachineParams, PassProfile
 from rf_pointing.ros.convert import pair
 from rf_pointing.ros.stamps import seconds_from_stamp, stamp_from_seconds
 from rf_pointing.ros.streams import require_plausible
+from rf_pointing.station.clients.goals import PassGoal
+from rf_pointing.tracking.scan_program import ScanProgramParams
 
 _PROFILE = {"": "position_rad", "_rate": "velocity_rad_s", "_acceleration": "acceleration_rad_s2"}
 
@@ -32,6 +35,8 @@ _certificate_to_message, _certificate_from_message = pair(
 _NOT_SENT = ("crossing", "axes_rad", "held_s", "held_90_s", "loss_90_db", "fresh_held_90_s", "fresh_loss_90_db",
              "search_rate_rad_s")  # fmt: skip
 _branch_to_message, _branch_from_message = pair(Branch, ours.PassBranch, reasons="refusals", **dict.fromkeys(_NOT_SENT))
+_, _goal_from_message = pair(PassGoal, TrackPass.Goal, window=None, scan=None)
+scan_to_message, _scan_from_message = pair(ScanProgramParams, Scan.Goal, baseline_s="baseline_time")
 
 
 def scheduled_to_message(item: ScheduledPass) -> ours.ScheduledPass:
@@ -137,3 +142,20 @@ def certificate_from_message(message: ours.PassCertificate) -> Certificate:
             least_share=message.least_share,
         ),
     )
+
+
+def goal_of_scan(message: Scan.Goal) -> PassGoal:
+    if not message.satellite:
+        raise ValueError("satellite='' must name what is scanned")
+    return PassGoal(
+        satellite=message.satellite, near_t_s=seconds_from_stamp(message.near),
+        minimum_peak_elevation_rad=message.minimum_peak_elevation, scan=_scan_from_message(message),
+    )  # fmt: skip
+
+
+def goal_from_message(message: TrackPass.Goal) -> PassGoal:
+    if message.satellite and message.target_pass.target:
+        raise ValueError(
+            f"satellite={message.satellite!r} and a target_pass of {message.target_pass.target!r}: give one of them"
+        )
+    return _goal_from_message(message, window=None if message.satellite else pass_from_message(message.target_pass))

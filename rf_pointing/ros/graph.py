@@ -4,8 +4,7 @@
 the picture of the graph and the table of topics in the documentation are made from it.
 """
 
-import os
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -92,7 +91,7 @@ _POINTING_ERROR = Topic(
     frame=BEAM,
 )  # fmt: skip
 # An array on the dish has nodes of its own.
-_TRACKERS = dict.fromkeys(traits.node for traits in SENSORS.values() if not traits.own_level)
+TRACKERS = dict.fromkeys(traits.node for traits in SENSORS.values() if not traits.own_level)
 _RECEIVED = (
     Topic("monopulse", ours.Monopulse, STREAM, "10 Hz, 5 samples each", frame=BEAM),
     Topic("carrier_power", ours.CarrierPower, STREAM, "10 Hz", frame=BEAM),
@@ -123,7 +122,7 @@ GRAPH = (
         simulated=True,
     ),
     GraphNode("rf_receiver", (*_RECEIVED, _TRUTH), simulated=True),
-    *(GraphNode(name, (_POINTING_ERROR,)) for name in _TRACKERS),
+    *(GraphNode(name, (_POINTING_ERROR,)) for name in TRACKERS),
     GraphNode("bias_calibrator", (Topic("pointing_model", ours.PointingModel, LATCHED, "latched"),)),
     GraphNode("ephemeris_publisher", _TARGET),
     GraphNode(
@@ -234,51 +233,3 @@ APART = (ALARMS, EXECUTIVE, ROTCTLD, RADIO, OPERATOR_PAGE, *RECEIVER_NODES)
 """Nodes that serve others, or work long: they hold up none of the station's."""
 PROCESSES = (1, 2, 8)
 """Numbers of processes of a station that may be chosen; 8 is one for each node."""
-
-
-def with_trackers(names: Sequence[str], sensors: Collection[str], receiver: str) -> tuple[str, ...]:
-    """Return the executables of a real antenna whose bands have these `sensors`.
-
-    Where no band has any, one stays for a described `receiver`: it reports the C/N0.
-    """
-    wanted = {SENSORS[name].node for name in sensors if name in SENSORS}
-    if not wanted and receiver != "simulated":
-        wanted = {SENSORS[name].node for traits in SENSORS.values() for name in traits.level_from}
-    return tuple(name for name in names if name not in _TRACKERS or name in wanted)
-
-
-def with_receiver(names: Sequence[str], receiver: str) -> tuple[str, ...]:
-    """Return the executables of a station with this `receiver` in place of the simulated one.
-
-    `names` are those with a simulated receiver, or none: with a drive that is a device.
-    """
-    if receiver == "simulated":
-        return tuple(names)
-    source, own = (node.name for node in RECEIVER_GRAPH)
-    rest = tuple(name for name in names if name != "rf_receiver")
-    if receiver == "topic":
-        return rest
-    return (*rest, source, own) if rest != tuple(names) and receiver in SERVED else (*rest, own)
-
-
-def partition(names: Sequence[str], processes: int) -> list[tuple[str, ...]]:
-    """Return the nodes of each process of a station, in the order of `names`.
-
-    The control unit of a real drive has a process of its own, and so has every client.
-
-    Raises
-    ------
-    ValueError
-        When `processes` is not one of `PROCESSES`.
-    """
-    if processes not in PROCESSES:
-        raise ValueError(f"processes={processes} must be 1, 2 or 8")
-    if processes == 8 or os.environ.get("ROS_SECURITY_ENABLE") == "true":
-        # Under SROS2 each node has an enclave, which is that of its process.
-        return [(name,) for name in names]
-    alone = APART if "simulation_clock" in names else ("antenna_servo", *APART)
-    rooms: dict[Any, list[str]] = {}
-    for name in names:
-        key = name if name in alone else processes == 1 or name in MOVES
-        rooms.setdefault(key, []).append(name)
-    return [tuple(room) for room in rooms.values()]

@@ -27,11 +27,9 @@ from rf_pointing.ros.graph import (
     RADIO,
     ROTCTLD,
     STATION_NODES,
-    partition,
-    with_receiver,
-    with_trackers,
 )
 from rf_pointing.ros.main_loop import DRIVE_PRIORITY, present_holder
+from rf_pointing.ros.managed_graph import partition, with_receiver, with_trackers
 from rf_pointing.station.antenna.memory import move_state, state_files, state_folder
 from rf_pointing.station.description import StationDescription, read_station
 from rf_pointing.station.description.reading import nearest

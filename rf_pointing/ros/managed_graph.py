@@ -9,33 +9,144 @@ import os
 import signal
 import subprocess
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from ament_index_python.packages import get_package_prefix
 from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 from rclpy.node import Node
 
-from rf_pointing.ros.graph import partition
+from rf_pointing.ros.graph import APART, MOVES, PROCESSES, RECEIVER_GRAPH, SERVED, TRACKERS
 from rf_pointing.ros.main_loop import DEAF, last_holder
 from rf_pointing.ros.repeated_call import AGAIN_S, RepeatedCall
-from rf_pointing.ros.waiting import Waiting
+from rf_pointing.tracking.sensors import SENSORS
 
 ACTIVATION_S = 5.0
 """How long a refused activation is repeated: the held time reaches one node after the other."""
 ACTIVATION_PERIOD_S = 0.1
 NICENESS = 10
 """Niceness of nodes in the background, so that those on time go first."""
+NODE_ENVIRONMENT = {"FASTDDS_BUILTIN_TRANSPORTS": "UDPv4", "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+"""Environment of the nodes, unless it says otherwise."""
+# UDP instead of shared memory: as fast for messages this small, and a killed node leaves no
+# port for which a restarted one would wait.  One thread: the matrices are small.
 _PR_SET_PDEATHSIG = 1
 _ENDINGS = ((signal.SIGINT, 4.0), (signal.SIGTERM, 2.0), (signal.SIGKILL, 2.0))
 """Signals that end a process, in this order, each with the wall time in s that it may take."""
 
+LOOK_S = 0.02
+"""Longest wait for one event where something is awaited."""
+# Time in which the executor takes up a client that was just made; an answer that arrives in that
+# moment is not noticed (1 of 1700 calls).
+TAKEN_UP_S = 0.02
+
+
+class Answer(Protocol):
+    """A future, or a `RepeatedCall`."""
+
+    def done(self) -> bool:
+        """Return whether the answer is there."""
+
+    def result(self) -> Any:
+        """Return the answer."""
+
+
+class Waiting:
+    """Waits at most `patience_s`; `spin(timeout_s)` must run the executor once.
+
+    `check` raises when waiting is in vain, as when a process has ended.
+    """
+
+    def __init__(
+        self, spin: Callable[[float], None], patience_s: float, check: Callable[[], None] = lambda: None
+    ) -> None:
+        self.spin, self.patience_s, self._check = spin, patience_s, check
+
+    def until(
+        self, condition: Callable[[], bool], missing: str | Callable[[], str], patience_s: float | None = None
+    ) -> None:
+        """Wait for `condition`; TimeoutError names what is `missing` when it takes too long."""
+        patience_s = self.patience_s if patience_s is None else patience_s
+        deadline_s = time.monotonic() + patience_s
+        while not condition():
+            self._check()
+            if time.monotonic() > deadline_s:
+                text = missing if isinstance(missing, str) else missing()
+                raise TimeoutError(f"{text} within {patience_s:.0f} s")
+            self.spin(LOOK_S)
+
+    def pause(self, duration_s: float) -> None:
+        """Handle events for a while."""
+        deadline_s = time.monotonic() + duration_s
+        while time.monotonic() < deadline_s:
+            self.spin(LOOK_S)
+
+    def answer(self, future: Answer, owner: str) -> Any:
+        """Return what `owner` answers."""
+        self.until(future.done, f"an answer of {owner} not seen")
+        return future.result()
+
+    def call(self, node: Node, kind: Any, name: str, request: Any) -> Any:
+        """Call a service, and return its answer."""
+        client = node.create_client(kind, name)
+        self.pause(TAKEN_UP_S)
+        self.until(client.service_is_ready, f"{name} not seen")
+        return self.answer(client.call_async(request), name)
+
+
+def with_trackers(names: Sequence[str], sensors: Collection[str], receiver: str) -> tuple[str, ...]:
+    """Return the executables of a real antenna whose bands have these `sensors`.
+
+    Where no band has any, one stays for a described `receiver`: it reports the C/N0.
+    """
+    wanted = {SENSORS[name].node for name in sensors if name in SENSORS}
+    if not wanted and receiver != "simulated":
+        wanted = {SENSORS[name].node for traits in SENSORS.values() for name in traits.level_from}
+    return tuple(name for name in names if name not in TRACKERS or name in wanted)
+
+
+def with_receiver(names: Sequence[str], receiver: str) -> tuple[str, ...]:
+    """Return the executables of a station with this `receiver` in place of the simulated one.
+
+    `names` are those with a simulated receiver, or none: with a drive that is a device.
+    """
+    if receiver == "simulated":
+        return tuple(names)
+    source, own = (node.name for node in RECEIVER_GRAPH)
+    rest = tuple(name for name in names if name != "rf_receiver")
+    if receiver == "topic":
+        return rest
+    return (*rest, source, own) if rest != tuple(names) and receiver in SERVED else (*rest, own)
+
+
+def partition(names: Sequence[str], processes: int) -> list[tuple[str, ...]]:
+    """Return the nodes of each process of a station, in the order of `names`.
+
+    The control unit of a real drive has a process of its own, and so has every client.
+
+    Raises
+    ------
+    ValueError
+        When `processes` is not one of `PROCESSES`.
+    """
+    if processes not in PROCESSES:
+        raise ValueError(f"processes={processes} must be 1, 2 or 8")
+    if processes == 8 or os.environ.get("ROS_SECURITY_ENABLE") == "true":
+        # Under SROS2 each node has an enclave, which is that of its process.
+        return [(name,) for name in names]
+    alone = APART if "simulation_clock" in names else ("antenna_servo", *APART)
+    rooms: dict[Any, list[str]] = {}
+    for name in names:
+        key = name if name in alone else processes == 1 or name in MOVES
+        rooms.setdefault(key, []).append(name)
+    return [tuple(room) for room in rooms.values()]
+
 
 class NodeProcesses:
-    """The running nodes of one namespace, in `processes` as `graph.partition` has it.
+    """The running nodes of one namespace, in `processes` as `partition` has it.
 
     Processes without a node `on_time` get a lower priority.
     """
@@ -75,7 +186,7 @@ class NodeProcesses:
                     stdin=subprocess.DEVNULL,
                     stdout=log,
                     stderr=subprocess.STDOUT,
-                    env=node_environment(),
+                    env=NODE_ENVIRONMENT | os.environ,
                     preexec_fn=bind_to_parent if urgent else _bind_in_the_background,
                 )
             self._running |= dict.fromkeys(room, process)
@@ -123,13 +234,6 @@ def end_processes(processes: Sequence["subprocess.Popen[bytes]"]) -> None:
         for process in alive:
             with suppress(subprocess.TimeoutExpired):
                 process.wait(max(0.01, deadline_s - time.monotonic()))
-
-
-def node_environment() -> dict[str, str]:
-    """Return the environment of the nodes."""
-    # UDP instead of shared memory: as fast for messages this small, and a killed node leaves no
-    # port for which a restarted one would wait.  One thread: the matrices are small.
-    return {"FASTDDS_BUILTIN_TRANSPORTS": "UDPv4", "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"} | os.environ
 
 
 def bind_to_parent() -> None:

@@ -39,13 +39,12 @@ from rf_pointing.ros.convert_planning import scheduled_to_message
 from rf_pointing.ros.graph import ALARMS, EXECUTIVE, EXECUTIVE_STATUS, SCHEDULE
 from rf_pointing.ros.leased_services import LEASED, OWNER, Caller
 from rf_pointing.ros.live_pass import LiveLine, LivePass, outcome_line
-from rf_pointing.ros.managed_graph import NotStartedError
+from rf_pointing.ros.managed_graph import TAKEN_UP_S, NotStartedError
 from rf_pointing.ros.qos import LATCHED, STATUS
 from rf_pointing.ros.recorder import Recorder
 from rf_pointing.ros.stamps import stamp_from_seconds
 from rf_pointing.ros.station_run import FOLLOW_S, GraphRun
 from rf_pointing.ros.station_view import entry_values, pass_line, stamp_text, status_text, status_values, window_values
-from rf_pointing.ros.waiting import TAKEN_UP_S
 from rf_pointing.station.clients.alarm_hooks import NO_WAY
 
 PATIENCE_S = 10.0

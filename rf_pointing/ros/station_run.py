@@ -17,11 +17,10 @@ import yaml
 from rclpy.action import ActionClient
 from std_srvs.srv import Trigger
 
-from rf_pointing.ros.graph import NODES, TOPICS, Topic, topics_of
+from rf_pointing.ros.graph import NODES, TOPICS, topics_of
 from rf_pointing.ros.main_loop import log_as_chosen, make_executor, ros_domain, settle_garbage
-from rf_pointing.ros.managed_graph import ONE_LOG, ManagedGraph, NotStartedError
+from rf_pointing.ros.managed_graph import ONE_LOG, ManagedGraph, NotStartedError, Waiting
 from rf_pointing.ros.recorder import Recorder
-from rf_pointing.ros.waiting import Waiting
 from rf_pointing.station.log_lines import say
 
 PATIENCE_S = 120.0
@@ -149,11 +148,6 @@ class RunSetup:
     awaited: str = ""
     processes: int = 2
 
-    @property
-    def topics(self) -> tuple[Topic, ...]:
-        """Topics that are recorded."""
-        return TOPICS if self.simulated else topics_of(self.nodes)
-
 
 class StationRun(GraphRun):
     """The nodes of a setup in their namespace, with their recording."""
@@ -174,7 +168,8 @@ class StationRun(GraphRun):
             on_time=on_time,
             processes=setup.processes,
         )
-        given = setup.bag, setup.topics, setup.notes, setup.simulated
+        topics = TOPICS if setup.simulated else topics_of(setup.nodes)
+        given = setup.bag, topics, setup.notes, setup.simulated
         self._recorder = Recorder(self.node, setup.namespace, *given)
 
     def spin(self, timeout_s: float) -> None:

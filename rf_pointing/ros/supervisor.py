@@ -22,7 +22,7 @@ from rf_pointing.core.whole_file import parse_json, read_whole, write_whole
 from rf_pointing.ros.graph import APART, EXECUTIVE, MOVES
 from rf_pointing.ros.launching import Process
 from rf_pointing.ros.main_loop import RESTART_S, present_holder
-from rf_pointing.ros.managed_graph import ONE_LOG, bind_to_parent, end_processes, node_environment
+from rf_pointing.ros.managed_graph import NODE_ENVIRONMENT, ONE_LOG, bind_to_parent, end_processes
 from rf_pointing.station.antenna.memory import state_folder
 from rf_pointing.station.clients.station_alarms import NEEDED
 
@@ -169,7 +169,7 @@ class Supervisor:
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=subprocess.STDOUT,
-                env=node_environment() | dict(child.process.environment),
+                env=NODE_ENVIRONMENT | os.environ | dict(child.process.environment),
                 preexec_fn=bind_to_parent,
             )
         finally:

@@ -20,7 +20,7 @@ from rf_pointing.core import JointTrajectory as Trajectory
 from rf_pointing.ephemeris import Pass
 from rf_pointing.planning import Certificate
 from rf_pointing.ros import convert, convert_planning
-from rf_pointing.ros.convert_goals import goal_from_message, goal_of_scan
+from rf_pointing.ros.convert_planning import goal_from_message, goal_of_scan
 from rf_pointing.ros.graph import DESIGNATE, STATION_IN_USE
 from rf_pointing.ros.managed import ManagedNode
 from rf_pointing.ros.qos import IN_USE, LATCHED, STREAM

@@ -16,7 +16,7 @@ from rf_pointing.api.station import Station
 from rf_pointing.api.target import Target, elements
 from rf_pointing.commands import calibrate, identify_antenna, track
 from rf_pointing.core.dates import parse_utc, utc_text
-from rf_pointing.ephemeris import Pass, find_elements, tle_lines, verification_elements
+from rf_pointing.ephemeris import Pass, tle_lines
 from rf_pointing.station.campaign.plan import beacons
 from rf_pointing.station.description import read_station
 
@@ -52,23 +52,23 @@ def request(line: str, command: str = "track") -> Any:
     ("line", "wanted"),
     [
         ("track", {
-            "band": "X", "sensor": "monopulse", "start_s": None, "speed": None, "factor": 0.0, "seed": 1,
+            "band": "X", "sensor": "monopulse", "start_s": None, "speed": None, "seed": 1,
             "ephemeris_error_s": None, "reset_fault": False, "models": "runs/models", "keep_observations": False,
             "namespace": "/gs1", "parameter_files": [], "record": None, "output": None, "min_peak_deg": 40.0,
             "mask_deg": None, "scan_sigma_mdeg": None,
         }),
         ("track --band Ka --min-peak 0 --mask 40 --sensor program --scan-sigma 0.5 --speed 2 --seed 3 --reset-fault", {
             "band": "Ka", "min_peak_deg": 0.0, "mask_deg": 40.0, "sensor": "program", "scan_sigma_mdeg": 0.5,
-            "factor": 2.0, "seed": 3, "reset_fault": True,
+            "speed": 2.0, "seed": 3, "reset_fault": True,
         }),
         ("track --min-peak 90 --ephemeris-error -60 --models m --params-file a --params-file b --record r --output o", {
             "min_peak_deg": 90.0, "ephemeris_error_s": -60.0, "models": "m", "parameter_files": [Path("a"), Path("b")],
             "record": Path("r"), "output": Path("o"),
         }),
         ("track --seed 2147483647 --speed 0.1 --namespace roof", {
-            "seed": 2**31 - 1, "factor": 0.1, "namespace": "/roof",
+            "seed": 2**31 - 1, "speed": 0.1, "namespace": "/roof",
         }),
-        ("track --speed 1000 --namespace /site/gs2", {"factor": 1000.0, "namespace": "/site/gs2"}),
+        ("track --speed 1000 --namespace /site/gs2", {"speed": 1000.0, "namespace": "/site/gs2"}),
         (f"track --start {EPOCH}Z", {"start_s": 1_151_380_800.0}),
         ("track --start 2006-06-27T06:00:00+02:00", {"start_s": 1_151_380_800.0}),
         ("calibrate", {
@@ -209,7 +209,7 @@ def test_a_request_is_within_its_ranges_or_refused_by_name(
     wrong = [name for name, (low, high) in ranges.items() if not low <= values[name] <= high]
     if not wrong:
         found = TrackRequest(station=DSS13, **values)
-        assert found.factor == speed
+        assert found.speed == speed
     else:
         with pytest.raises(ValueError, match="|".join(name.removesuffix("_mdeg").replace("_", ".") for name in wrong)):
             TrackRequest(station=DSS13, **values)
@@ -235,11 +235,6 @@ def test_the_default_is_the_first_pass_of_cbers_2_above_40_degrees() -> None:
     assert math.degrees(window.peak_elevation_rad) == pytest.approx(44.31, abs=0.01)
     assert window.aos_t_s == pytest.approx(1_151_384_323.8, abs=0.1)
     assert request("--start 2006-06-27T06:00:00").window.aos_t_s > window.los_t_s
-
-
-def test_a_file_of_elements_is_used() -> None:
-    Path("x.tle").write_text("MY BIRD\n" + "\n".join(tle_lines(find_elements(verification_elements(), "28057"))))
-    assert TrackRequest(station=DSS13, target=Target(location="x.tle", satellite="MY BIRD")).window.name == "MY BIRD"
 
 
 def test_a_pass_that_was_chosen_is_the_one() -> None:

@@ -39,11 +39,6 @@ def test_a_fault_of_the_program_is_no_reason() -> None:
         raise KeyError("mask")
 
 
-@pytest.mark.parametrize(("text", "value"), [("-2", -2.0), ("5", 5.0), ("0.5", 0.5)])
-def test_a_number_within_its_range_is_taken(text: str, value: float) -> None:
-    assert options.between(-2.0, 5.0)(text) == value
-
-
 @pytest.mark.parametrize(
     ("text", "complaint"),
     [("-2.1", "-2.1 must be between -2 and 5"), ("5.1", "between -2 and 5"), ("nan", "between"), ("x", "a number")],
@@ -51,18 +46,6 @@ def test_a_number_within_its_range_is_taken(text: str, value: float) -> None:
 def test_a_number_beyond_its_range_is_refused(text: str, complaint: str) -> None:
     with pytest.raises(argparse.ArgumentTypeError, match=complaint):
         options.between(-2.0, 5.0)(text)
-
-
-def test_a_seed_is_a_parameter_of_a_node() -> None:
-    assert [options.seed(text) for text in ("0", "7", "2147483647")] == [0, 7, 2**31 - 1]
-    for text in ("2147483648", "-1", "1.5", "x"):
-        with pytest.raises(argparse.ArgumentTypeError, match=f"{text} must be a whole number from 0 to 2147483647"):
-            options.seed(text)
-
-
-@pytest.mark.parametrize(("text", "name"), [("/gs1", "/gs1"), ("gs2", "/gs2"), ("/north/gs1", "/north/gs1")])
-def test_the_first_slash_of_a_namespace_may_be_left_out(text: str, name: str) -> None:
-    assert parsed("station band namespace", "--namespace", text)["namespace"] == name
 
 
 def test_a_target_is_what_the_options_name() -> None:

@@ -17,9 +17,8 @@ rclpy = pytest.importorskip("rclpy", reason="the graph needs ROS 2")
 from ament_index_python.packages import get_package_prefix
 
 from rf_pointing.ros.main_loop import make_executor
-from rf_pointing.ros.managed_graph import LifecycleClient, NodeProcesses
+from rf_pointing.ros.managed_graph import TAKEN_UP_S, LifecycleClient, NodeProcesses, Waiting
 from rf_pointing.ros.repeated_call import RepeatedCall
-from rf_pointing.ros.waiting import TAKEN_UP_S, Waiting
 from rf_pointing.station.derive.nodes import NODES
 from rf_pointing.station.description import read_station
 from test.conftest import within

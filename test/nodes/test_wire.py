@@ -59,8 +59,20 @@ def plain(value: Any) -> Any:
     return value
 
 
-def says(message: Any, **wanted: Any) -> None:
-    """Every field of `message` is as wanted; those that are not named are numbered elsewhere or left at rest."""
+def same(one: Any, other: Any) -> bool:
+    """Whether two signals are equal field by field, arrays included, but for the rounding of times."""
+    pairs = [(item.name, getattr(one, item.name), getattr(other, item.name)) for item in dataclasses.fields(one)]
+    return all(
+        np.allclose(a, b, rtol=0.0, atol=1e-6) if name == "t_s" else np.array_equal(a, b) for name, a, b in pairs
+    )
+
+
+def says(message: Any, /, back: Any = None, signal: Any = None, **wanted: Any) -> None:
+    """Every field of `message` is as wanted; those that are not named are numbered elsewhere or left at rest.
+
+    `back` reads the message, and gives its `signal` again.
+    """
+    assert back is None or same(back(message), signal)
     fields = plain(message)
     assert {name: fields[name] for name in wanted} == wanted
     if "header" in fields:
@@ -74,7 +86,7 @@ def test_target() -> None:
         refraction_rad=1e-3, satellite_gain_db=-4.0,
     )  # fmt: skip
     says(
-        convert.target_to_message(target),
+        convert.target_to_message(target), convert.target_from_message, target,
         target="bird", azimuth=1.0, elevation=0.5, azimuth_rate=0.01, elevation_rate=0.002, azimuth_acceleration=3e-4,
         elevation_acceleration=4e-5, range=1e6, range_rate=-7e3, refraction=1e-3, satellite_gain=-4.0, covariance=[],
     )  # fmt: skip
@@ -83,7 +95,7 @@ def test_target() -> None:
 def test_joint_states() -> None:
     reading = JointReading(t_s=T_S, position_rad=np.array([1.0, 0.5]), velocity_rad_s=np.array([0.01, -0.02]))
     says(
-        convert.joints_to_message(reading),
+        convert.joints_to_message(reading), convert.joints_from_message, reading,
         name=["azimuth", "elevation"], position=[1.0, 0.5], velocity=[0.01, -0.02], effort=[],
     )  # fmt: skip
 
@@ -95,7 +107,7 @@ def test_joint_trajectory() -> None:
         velocity_rad_s=np.array([[5.0, 6.0], [7.0, 8.0]]), acceleration_rad_s2=np.array([[9.0, 10.0], [11.0, 12.0]]),
     )  # fmt: skip
     message = convert.trajectory_to_message(command, T_S)
-    says(message, joint_names=["azimuth", "elevation"])
+    says(message, lambda m: convert.trajectory_from_message(m, T_S), command, joint_names=["azimuth", "elevation"])
     points = [SimpleNamespace(**plain(point)) for point in message.points]
     assert [p.positions for p in points] == [[1.0, 2.0], [3.0, 4.0]]
     assert [p.velocities for p in points] == [[5.0, 6.0], [7.0, 8.0]]
@@ -107,20 +119,22 @@ def test_joint_trajectory() -> None:
 
 
 def test_beam_error_and_power() -> None:
-    says(
-        convert.boresight_to_message(Boresight(t_s=T_S, azimuth_rad=1.0, elevation_rad=0.5)), azimuth=1.0, elevation=0.5
-    )
+    beam = Boresight(t_s=T_S, azimuth_rad=1.0, elevation_rad=0.5)
+    says(convert.boresight_to_message(beam), convert.boresight_from_message, beam, azimuth=1.0, elevation=0.5)
     error = PointingError(
         t_s=T_S, sensor="conscan", cross_elevation_rad=1e-4, elevation_rad=-2e-4, covariance_rad2=SQUARE,
         carrier_to_noise_db_hz=55.0, valid=False, reason="late",
     )  # fmt: skip
     says(
-        convert.error_to_message(error),
+        convert.error_to_message(error), convert.error_from_message, error,
         sensor="conscan", valid=False, reason="late", cross_elevation=1e-4, elevation=-2e-4,
         covariance=[4.0, 1.0, 1.0, 9.0], carrier_to_noise=55.0,
     )  # fmt: skip
     power = CarrierPower(t_s=T_S, integration_s=0.1, power_w=1e-15, sigma_w=1e-17, carrier_to_noise_db_hz=55.0)
-    says(convert.power_to_message(power), integration_time=0.1, power=1e-15, sigma=1e-17, carrier_to_noise=55.0)
+    says(
+        convert.power_to_message(power), convert.power_from_message, power,
+        integration_time=0.1, power=1e-15, sigma=1e-17, carrier_to_noise=55.0,
+    )  # fmt: skip
 
 
 def test_monopulse_is_stamped_with_its_last_sample() -> None:
@@ -130,7 +144,7 @@ def test_monopulse_is_stamped_with_its_last_sample() -> None:
         difference_elevation=np.array([13 + 14j, 15 + 16j, 17 + 18j]), carrier_to_noise_db_hz=58.0,
     )  # fmt: skip
     says(
-        convert.monopulse_to_message(cluster),
+        convert.monopulse_to_message(cluster), convert.monopulse_from_message, cluster,
         sample_period=0.02, carrier_to_noise=58.0, sum_i=[1.0, 3.0, 5.0], sum_q=[2.0, 4.0, 6.0],
         difference_cross_elevation_i=[7.0, 9.0, 11.0], difference_cross_elevation_q=[8.0, 10.0, 12.0],
         difference_elevation_i=[13.0, 15.0, 17.0], difference_elevation_q=[14.0, 16.0, 18.0],
@@ -273,7 +287,7 @@ def test_pass_certificate_and_profile(branch: Branch) -> None:
         sun_rad=np.array([[0.1, 0.2], [0.3, 0.4]]), range_m=np.array([2e6, 1e6]), satellite_gain_db=np.array([-3.0, -1.0]),
     )  # fmt: skip
     says(
-        convert_planning.profile_to_message(profile),
+        convert_planning.profile_to_message(profile), convert_planning.profile_from_message, profile,
         target="bird", aos={"sec": SEC, "nanosec": NANOSEC}, time=[0.0, 5.0], azimuth=[1.0, 3.0], elevation=[2.0, 4.0],
         azimuth_rate=[5.0, 7.0], elevation_rate=[6.0, 8.0], azimuth_acceleration=[9.0, 11.0],
         elevation_acceleration=[10.0, 12.0], sun_azimuth=[0.1, 0.3], sun_elevation=[0.2, 0.4],

@@ -117,17 +117,6 @@ def test_a_fault_that_returns_after_a_reset_is_told_at_once_and_again_while_it_s
     assert len(sent) == 4 + (39_999 - 398) // 600
 
 
-def test_a_cause_that_flickers_is_two_messages_each_quiet_time_and_is_counted() -> None:
-    told = Told()
-    for k in range(300):
-        told.book.raise_("x", WARNING, "on", 2.0 * k)
-        told.book.clear("x", 2.0 * k + 1.0)
-    assert told.events == ["raised", "cleared"]
-    assert told.book.alarms["x"].count == 300
-    told.book.raise_("x", WARNING, "on", 602.0)
-    assert told.events == ["raised"]
-
-
 def test_another_fault_of_the_same_cause_is_another_message_that_must_be_acknowledged() -> None:
     told = Told()
     told.book.raise_("fault", ERROR, "encoder", 0.0, "look", about="encoder")

@@ -119,13 +119,9 @@ def test_entries_are_in_order_of_rise_and_of_their_ids() -> None:
     assert schedule.active is schedule.entry("b")
 
 
-def test_claimed_is_what_is_planned_tracked_or_in_work() -> None:
-    schedule = schedule_of(*(a_pass(f"{k}", 1000.0 * (k + 1)) for k in range(len(PassState) + 1)))
-    for entry, state in zip(schedule.in_order, PassState, strict=False):
-        entry.state = state
-    assert schedule.claims == {str(list(PassState).index(each)) for each in (PassState.ACTIVE, PassState.TRACKED)}
+def test_a_pass_that_has_ended_is_no_longer_planned() -> None:
+    schedule = schedule_of(a_pass("0", 1000.0))
     schedule.replan(0.0, PARK)
-    assert str(len(PassState)) in schedule.claims
     schedule.end(schedule.entry("0"), PassState.LOST, "why")
     entry = schedule.entry("0")
     assert (entry.state, entry.reason, entry.planned) == (PassState.LOST, "why", False)

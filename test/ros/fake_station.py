@@ -19,7 +19,6 @@ from rf_pointing.ros import (
     repeated_call,
     station_client,
     station_run,
-    waiting,
 )
 from rf_pointing.ros.managed_graph import NotStartedError
 
@@ -48,7 +47,7 @@ class Wall:
 
     def rule(self, monkeypatch: pytest.MonkeyPatch) -> None:
         """Give every client this time."""
-        for module in (managed_graph, repeated_call, waiting, station_run, live_pass, station_client):
+        for module in (managed_graph, repeated_call, station_run, live_pass, station_client):
             monkeypatch.setattr(module, "time", self)
         monkeypatch.setattr(experiment_run, "time", self)
 

@@ -11,12 +11,10 @@ from rf_pointing_msgs import msg as ours
 from sensor_msgs.msg import JointState, Temperature
 
 from rf_pointing.core import (
-    Boresight,
     CarrierPower,
     JointReading,
     JointTrajectory,
     MonopulseCluster,
-    PointingError,
     SkyUncertainty,
     Target,
 )
@@ -35,45 +33,6 @@ def numbers(kind: type, random: np.random.Generator, **fixed: Any) -> Any:
     """A signal with random numbers in every float field that is not fixed."""
     floats = {item.name: float(random.uniform(-1.0, 1.0)) for item in dataclasses.fields(kind) if item.type is float}
     return kind(**{**floats, **fixed})
-
-
-@pytest.mark.parametrize(
-    ("kind", "fixed", "to_message", "from_message"),
-    [
-        (Target, {"t_s": T_S, "name": "bird"}, convert.target_to_message, convert.target_from_message),
-        (Boresight, {"t_s": T_S}, convert.boresight_to_message, convert.boresight_from_message),
-        (
-            CarrierPower,
-            {"t_s": T_S, "integration_s": 0.1, "sigma_w": 0.3},
-            convert.power_to_message,
-            convert.power_from_message,
-        ),
-        (
-            PointingError,
-            {
-                "t_s": T_S, "sensor": "monopulse", "valid": False, "reason": "no lock",
-                "covariance_rad2": np.array([[4e-9, 1e-10], [1e-10, 5e-9]]),
-            },
-            convert.error_to_message,
-            convert.error_from_message,
-        ),
-    ],
-    ids=["target", "boresight", "power", "error"],
-)  # fmt: skip
-def test_a_signal_comes_back_unchanged(
-    kind: type,
-    fixed: dict[str, Any],
-    to_message: Callable[[Any], Any],
-    from_message: Callable[[Any], Any],
-    random: np.random.Generator,
-) -> None:
-    signal = numbers(kind, random, **fixed)
-    assert same(from_message(to_message(signal)), signal)
-
-
-def test_a_joint_reading_comes_back_unchanged(random: np.random.Generator) -> None:
-    reading = JointReading(t_s=T_S, position_rad=random.uniform(-4, 4, 2), velocity_rad_s=random.uniform(-1, 1, 2))
-    assert same(convert.joints_from_message(convert.joints_to_message(reading)), reading)
 
 
 def test_joints_in_another_order_are_sorted_by_name(random: np.random.Generator) -> None:
@@ -112,14 +71,6 @@ def trajectory(random: np.random.Generator, stamp_s: float) -> JointTrajectory:
         velocity_rad_s=random.uniform(-1, 1, (10, 2)),
         acceleration_rad_s2=random.uniform(-1, 1, (10, 2)),
     )
-
-
-def test_a_trajectory_comes_back_unchanged_but_for_rounding_of_time(random: np.random.Generator) -> None:
-    command = trajectory(random, T_S)
-    back = convert.trajectory_from_message(convert.trajectory_to_message(command, T_S), T_S)
-    np.testing.assert_allclose(back.t_s, command.t_s, rtol=0.0, atol=5e-7)
-    for name in ("position_rad", "velocity_rad_s", "acceleration_rad_s2"):
-        np.testing.assert_array_equal(getattr(back, name), getattr(command, name))
 
 
 @pytest.mark.parametrize(
@@ -166,14 +117,6 @@ def cluster(random: np.random.Generator, count: int = 5) -> MonopulseCluster:
         difference_elevation=channels[2],
         carrier_to_noise_db_hz=58.2,
     )
-
-
-def test_a_cluster_comes_back_unchanged_but_for_rounding_of_time(random: np.random.Generator) -> None:
-    sent = cluster(random)
-    back = convert.monopulse_from_message(convert.monopulse_to_message(sent))
-    np.testing.assert_allclose(back.t_s, sent.t_s, rtol=0.0, atol=1e-6)
-    for name in ("sum", "difference_cross_elevation", "difference_elevation"):
-        np.testing.assert_array_equal(getattr(back, name), getattr(sent, name))
 
 
 def test_a_target_carries_light_time_doppler_and_the_error_of_its_elements(random: np.random.Generator) -> None:

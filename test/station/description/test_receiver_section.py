@@ -8,7 +8,8 @@ import pytest
 from rf_pointing.api.requests import TrackRequest, receiver_section
 from rf_pointing.api.station import Station
 from rf_pointing.receiver import SignalReceiverParams
-from rf_pointing.ros.graph import DRIVE_NODES, NODES, with_receiver
+from rf_pointing.ros.graph import DRIVE_NODES, NODES
+from rf_pointing.ros.managed_graph import with_receiver
 from rf_pointing.station.description import read_station
 from rf_pointing.station.description.description import STATIONS
 
@@ -99,8 +100,8 @@ def test_an_address_that_means_none_is_refused(address: str, reason: str) -> Non
 def test_a_run_with_a_receiver_has_its_nodes_and_real_time() -> None:
     request = TrackRequest(station=Station("leo_3m7"), receiver="rtl_tcp://localhost:99")
     assert request.station.description.receiver == "rtl_tcp"
-    assert request.factor == 1.0
-    assert TrackRequest(station=Station("leo_3m7")).factor == 0.0
+    assert request.speed == 1.0
+    assert TrackRequest(station=Station("leo_3m7")).speed is None
 
 
 def test_the_nodes_of_every_receiver() -> None:
