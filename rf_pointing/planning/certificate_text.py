@@ -9,13 +9,13 @@ from rf_pointing.core.pass_outcome import SIDELOBE_DB
 from rf_pointing.planning.certificate import Branch, Certificate
 
 COLUMNS = (
-    f"  {'branch':<17}{'azimuth deg':>17}{'elevation deg':>16}{'rate az el deg/s':>18}{'closest limit':>35}"
+    "  {branch:<17}{0:>17}{1:>16}{2:>18}{limit:>35}"
     f"{'mask':>7}{'Sun':>7}{'keyhole':>9}{'lost':>8}{'slew':>7}{'unwind':>8}"
 )
 # From here on fresh elements are worth a word.
 WORTH_S, WORTH_DB = 5.0, 0.2
 # What is left out or, `reasons`, goes under the name that it has in the file and on the wire.
-NOT_PLAIN = ("crossing", "axes_rad", "branches", "machine", "reasons")
+NOT_PLAIN = ("crossing", "axes_rad", "branches", "machine", "mount", "reasons")
 
 
 def certificate_lines(certificate: Certificate) -> list[str]:
@@ -25,7 +25,15 @@ def certificate_lines(certificate: Certificate) -> list[str]:
         f"machine: {_pair(rate)} deg/s, {_pair(acceleration)} deg/s^2; "
         f"sky peak {math.degrees(certificate.sky_peak_rad):.2f} deg"
     )
-    lines = [f"certificate of {certificate.name}: {machine}", COLUMNS]
+    mount, names = certificate.mount, [name.replace("_", " ") for name in certificate.mount.axes]
+    if not mount.level:
+        machine += f"; mount {mount.type}" + (f" leaning to {math.degrees(mount.train_rad):.0f} deg" * bool(mount.tilt_rad))
+    rates = " ".join(name[:2].strip() for name in names)
+    columns = (f"{names[0]} deg", f"{names[1]} deg", f"rate {rates} deg/s")
+    lines = [
+        f"certificate of {certificate.name}: {machine}",
+        COLUMNS.format(*columns, branch="branch", limit="closest limit"),
+    ]
     for branch in certificate.branches:
         mark = ">" if branch is certificate.chosen else " " if branch.works else "x"
         lines.append(f"{mark} {_row(branch)}")
@@ -33,7 +41,7 @@ def certificate_lines(certificate: Certificate) -> list[str]:
     chosen = certificate.chosen
     if chosen is None:
         return [*lines, f"REFUSED: {certificate.reason}"]
-    verdict = f"taken: {chosen.label}, start at azimuth {math.degrees(chosen.start_rad[0]):.1f} deg"
+    verdict = f"taken: {chosen.label}, start at {names[0]} {math.degrees(chosen.start_rad[0]):.1f} deg"
     if chosen.keyhole_s > 0.0:
         deep = "more than " if chosen.peak_loss_db >= SIDELOBE_DB else ""
         stop = chosen.crossing is not None and chosen.crossing.at_stop
@@ -42,6 +50,8 @@ def certificate_lines(certificate: Certificate) -> list[str]:
             if chosen.turned
             else "waits at the stop"
             if stop
+            else "crosses the keyhole at its limits"
+            if not mount.level
             else "crosses the zenith at its limits"
         )
         verdict += (
@@ -85,6 +95,7 @@ def certificate_values(certificate: Certificate) -> dict[str, Any]:
         for branch in certificate.branches
     ]
     values["machine"] = _plain(certificate.machine)
+    values["mount"] = _plain(certificate.mount)
     return values
 
 

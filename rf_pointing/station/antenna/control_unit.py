@@ -459,7 +459,7 @@ class ControlUnit:
             or safety.warning(t_s, self.mode, pair(commanded)),
             high_wind=safety.wind.reason,
             transmit_inhibit=silent
-            or safety.gate.too_low_to_send(float(axes.encoder_rad[1]))
+            or safety.gate.too_low_to_send(*pair(axes.encoder_rad))
             # A permission is for the receiver.
             or safety.gate.sun_in_beam(*pair(axes.encoder_rad), safety.sun.at(t_s)),
             commander=safety.authority.holder,
