@@ -53,12 +53,14 @@ class Turn(NamedTuple):
 class MountType(NamedTuple):
     """The row of one mount: names of its axes, its chain, and the keys that it alone has.
 
-    The lower axis turns the other way than azimuth does where `reversed` says so.
+    A `polar` one needs its latitude.  The lower axis turns the other way than azimuth does where
+    `reversed` says so.
     """
 
     axes: tuple[str, str]
     chain: Callable[["Kinematics"], tuple[Turn, ...]]
     keys: tuple[str, ...] = ()
+    polar: bool = False
     reversed: Callable[["Kinematics"], bool] = lambda _: False
 
 
@@ -72,11 +74,12 @@ def _x_y(mount: "Kinematics") -> tuple[Turn, ...]:
 
 MOUNTS: Mapping[str, MountType] = {
     AZIMUTH_ELEVATION: MountType(AXES, lambda _: ()),
-    "x_y": MountType(("x", "y"), _x_y, ("lower_axis",), lambda mount: mount.lower_axis == LOWER_AXES[1]),
+    "x_y": MountType(("x", "y"), _x_y, ("lower_axis",), reversed=lambda mount: mount.lower_axis == LOWER_AXES[1]),
     # Hour angle positive to the west, declination to the north.
     "ha_dec": MountType(
         ("hour_angle", "declination"),
         lambda mount: (Turn(EAST, mount.latitude_rad - 0.5 * math.pi), Turn(UP, math.pi)),
+        polar=True,
     ),
     "azimuth_elevation_tilt": MountType(
         AXES, lambda mount: (Turn(UP, -mount.train_rad), Turn(EAST, -mount.tilt_rad)), ("tilt_deg",)
@@ -102,10 +105,10 @@ class Kinematics(Params):
 
     def check_together(self) -> None:
         """Refuse a polar mount at a pole of the Earth."""
-        if self.type == "ha_dec" and abs(self.latitude_rad) > POLAR_RAD:
+        if MOUNTS[self.type].polar and abs(self.latitude_rad) > POLAR_RAD:
             raise ValueError(
                 f"latitude_deg={math.degrees(self.latitude_rad):g} must be within +-{math.degrees(POLAR_RAD):g} for "
-                "type=ha_dec: nearer to a pole of the Earth the hour angle has no zero"
+                f"type={self.type}: nearer to a pole of the Earth the hour angle has no zero"
             )
 
     @property

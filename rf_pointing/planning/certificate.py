@@ -205,7 +205,7 @@ def certify(
         aos_t_s=float(profile.t_s[0]),
         los_t_s=float(profile.t_s[-1]),
         sky_peak_rad=float(_elevations(profile.position_rad, mount).max()),
-        branches=tuple(sorted(branches, key=_cost)),
+        branches=tuple(sorted(branches, key=branch_cost)),
         machine=machine,
         carrier_to_noise_db_hz=cost.carrier_to_noise_db_hz if cost else (),
         mount=mount,
@@ -379,8 +379,8 @@ def _reasons_against(closest: str, margin: float, above: float, sun: float, mach
     return tuple(found)
 
 
-def _cost(branch: Branch) -> tuple[object, ...]:
-    """Order: works; least past a limit, fewest reasons; least signal lost, to 0.1 s; then the least
+def branch_cost(branch: Branch) -> tuple[object, ...]:
+    """Return the order of branches: works; least past a limit, fewest reasons; least signal lost, to 0.1 s; then the least
     time to get there and to unwind.
     """
     distance = max(0.0, -branch.limit_margin_rad)

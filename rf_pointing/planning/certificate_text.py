@@ -8,10 +8,6 @@ from rf_pointing.core import to_degrees
 from rf_pointing.core.pass_outcome import SIDELOBE_DB
 from rf_pointing.planning.certificate import Branch, Certificate
 
-COLUMNS = (
-    "  {branch:<17}{0:>17}{1:>16}{2:>18}{limit:>35}"
-    f"{'mask':>7}{'Sun':>7}{'keyhole':>9}{'lost':>8}{'slew':>7}{'unwind':>8}"
-)
 # From here on fresh elements are worth a word.
 WORTH_S, WORTH_DB = 5.0, 0.2
 # What is left out or, `reasons`, goes under the name that it has in the file and on the wire.
@@ -28,12 +24,12 @@ def certificate_lines(certificate: Certificate) -> list[str]:
     mount, names = certificate.mount, [name.replace("_", " ") for name in certificate.mount.axes]
     if not mount.level:
         machine += f"; mount {mount.type}" + (f" leaning to {math.degrees(mount.train_rad):.0f} deg" * bool(mount.tilt_rad))
-    rates = " ".join(name[:2].strip() for name in names)
-    columns = (f"{names[0]} deg", f"{names[1]} deg", f"rate {rates} deg/s")
-    lines = [
-        f"certificate of {certificate.name}: {machine}",
-        COLUMNS.format(*columns, branch="branch", limit="closest limit"),
-    ]
+    rates = f"rate {names[0][:2]} {names[1][:2]} deg/s"
+    columns = (
+        f"  {'branch':<17}{f'{names[0]} deg':>17}{f'{names[1]} deg':>16}{rates:>18}{'closest limit':>35}"
+        f"{'mask':>7}{'Sun':>7}{'keyhole':>9}{'lost':>8}{'slew':>7}{'unwind':>8}"
+    )
+    lines = [f"certificate of {certificate.name}: {machine}", columns]
     for branch in certificate.branches:
         mark = ">" if branch is certificate.chosen else " " if branch.works else "x"
         lines.append(f"{mark} {_row(branch)}")
@@ -95,7 +91,8 @@ def certificate_values(certificate: Certificate) -> dict[str, Any]:
         for branch in certificate.branches
     ]
     values["machine"] = _plain(certificate.machine)
-    values["mount"] = _plain(certificate.mount)
+    if not certificate.mount.level:
+        values["mount"] = _plain(certificate.mount)
     return values
 
 
@@ -111,7 +108,7 @@ def _row(branch: Branch) -> str:
     limit = f"{math.degrees(branch.limit_margin_rad):.2f} deg to {branch.closest_limit}"
     return (
         f"{branch.label:<17}{f'{low:.1f} to {high:.1f}':>17}{f'{bottom:.1f} to {top:.1f}':>16}"
-        f"{_pair(branch.peak_rate_rad_s):>18}{limit:>35}"
+        f"{_pair(branch.peak_rate_rad_s):>18} {limit:>34}"
         f"{math.degrees(branch.mask_margin_rad):>7.2f}{math.degrees(branch.sun_margin_rad):>7.1f}"
         f"{branch.keyhole_s:>7.1f} s{branch.lost_s:>6.1f} s{branch.preposition_s:>5.0f} s{branch.unwind_s:>6.0f} s"
     )

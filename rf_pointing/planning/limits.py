@@ -21,8 +21,8 @@ class AxisLimits(Params):
 
     azimuth_min_rad: float = parameter(math.radians(-220.0), "smallest azimuth", low=-20.0, high=20.0)
     azimuth_max_rad: float = parameter(math.radians(220.0), "largest azimuth", low=-20.0, high=20.0)
-    elevation_min_rad: float = parameter(math.radians(4.0), "smallest elevation", low=-0.2, high=3.2)
-    elevation_max_rad: float = parameter(math.radians(89.5), "largest elevation", low=-0.2, high=3.4)
+    elevation_min_rad: float = parameter(math.radians(4.0), "smallest elevation", low=-3.4, high=3.2)
+    elevation_max_rad: float = parameter(math.radians(89.5), "largest elevation", low=-3.4, high=3.4)
 
     def check_together(self) -> None:
         """Refuse an empty travel."""

@@ -72,6 +72,7 @@ class StationNode(ManagedNode):
             station = read_station(
                 choice.station, tuple(each for each in NODES if self.CHECKS_EVERY_NODE or each == name)
             )
+            station.require_mount(name)
             self.band = choice.band or station.default_band
             values = station.parameters(name, self.band)
         except ValueError as error:

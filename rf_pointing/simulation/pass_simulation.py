@@ -115,6 +115,7 @@ class StationSetup:
     ) -> None:
         load_trackers()
         self.station = station if isinstance(station, StationDescription) else read_station(station)
+        self.station.require_mount("simulate")
         self.band = self.station.default_band if band is None else band
         self._tracker, self.array, self._wind, self._truth = tracker, array, wind, truth
         self.changes: dict[str, dict[str, object]] = defaultdict(dict)

@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cache, cached_property
 from pathlib import Path
@@ -11,6 +12,7 @@ import yaml
 
 from rf_pointing.core import require_choice
 from rf_pointing.core.derived import Value
+from rf_pointing.core.kinematics import AZIMUTH_ELEVATION
 from rf_pointing.core.modes import Sensor
 from rf_pointing.core.parameters import flat, leaves
 from rf_pointing.core.whole_file import compose_yaml, read_whole
@@ -31,6 +33,8 @@ OF_EVERY_NODE = (
     "lifecycle.autostart", "lifecycle.realtime_priority", "station", "band", "use_sim_time",
     "start_type_description_service",
 )  # fmt: skip
+KNOWS_EVERY_MOUNT = frozenset({"check_station", "plan_passes"})
+"""Commands that know axes by their mount; every node and any other command refuses other mounts."""
 # Parameters of before, and the key that took their place.
 _FORMER = {
     ("ephemeris_publisher", "source.station"): "site",
@@ -205,8 +209,15 @@ class StationDescription:
     def remarks(self, band: str | None = None) -> Iterator[str]:
         """Yield remarks that a user of this station should know, besides its problems."""
         numbers = Band(self.content, self._band(band))
-        low, high = self.content.mount.azimuth.travel_deg
-        if high - low < 360.0:
+        mount, kinematics = self.content.mount, numbers.kinematics
+        low, high = mount.pair[0].travel_deg
+        if not kinematics.level:
+            for azimuth, elevation in kinematics.keyholes_rad():
+                yield (
+                    f"mount: a keyhole at elevation {math.degrees(elevation):.1f} deg, azimuth "
+                    f"{math.degrees(azimuth) % 360.0:.1f} deg, where the {kinematics.axes[0]} axis is too slow"
+                )
+        elif high - low < 360.0:
             yield f"mount.azimuth.travel_deg: {360.0 - high + low:g} deg of the sky cannot be reached"
         elif high - low > 360.0:
             yield f"mount.azimuth.travel_deg: {high - low - 360.0:g} deg of azimuth can be reached on two turns"
@@ -223,6 +234,17 @@ class StationDescription:
         share = numbers.step_deg / numbers.beamwidth_deg
         if share > 0.1:
             yield f"mount: an encoder step is {share:.2f} of the beamwidth; a tenth costs 0.03 dB, a half 0.75 dB"
+
+    def require_mount(self, user: str) -> None:
+        """Raise ValueError for a mount whose axes `user`, a node or command, does not know.
+
+        Angles of other axes would be taken for azimuth and elevation.
+        """
+        kind = self.content.mount.type
+        if kind != AZIMUTH_ELEVATION and user not in KNOWS_EVERY_MOUNT:
+            raise ValueError(
+                f"{user} knows mounts of type {AZIMUTH_ELEVATION} alone: mount.type of {self.name} is {kind}"
+            )
 
     def _band(self, band: str | None) -> str:
         chosen = self.default_band if band is None else band
