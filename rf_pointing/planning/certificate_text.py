@@ -23,7 +23,9 @@ def certificate_lines(certificate: Certificate) -> list[str]:
     )
     mount, names = certificate.mount, [name.replace("_", " ") for name in certificate.mount.axes]
     if not mount.level:
-        machine += f"; mount {mount.type}" + (f" leaning to {math.degrees(mount.train_rad):.0f} deg" * bool(mount.tilt_rad))
+        machine += f"; mount {mount.type}" + (
+            f" leaning to {math.degrees(mount.train_rad):.0f} deg" * bool(mount.tilt_rad)
+        )
     rates = f"rate {names[0][:2]} {names[1][:2]} deg/s"
     columns = (
         f"  {'branch':<17}{f'{names[0]} deg':>17}{f'{names[1]} deg':>16}{rates:>18}{'closest limit':>35}"

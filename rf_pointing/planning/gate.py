@@ -146,9 +146,7 @@ class Gate:
         """Return "" when the position may be commanded, else the reason; plain floats."""
         return self.limits.reason(
             azimuth_rad, elevation_rad, encoder_rad, tolerance_rad, self.mount.axes
-        ) or self._sky.reason(
-            azimuth_rad, elevation_rad, encoder_rad, sun_rad, tolerance_rad
-        )
+        ) or self._sky.reason(azimuth_rad, elevation_rad, encoder_rad, sun_rad, tolerance_rad)
 
     def guard(self, kind: str, encoder_rad: Pair, next_rad: Pair, rate_rad_s: Pair, sun_rad: Pair | None = None) -> str:
         """Return "" or what axes at `next_rad` after this tick, at these rates, would run into.

@@ -88,7 +88,9 @@ def test_every_direction_closes_also_with_the_dish_over_its_back(
     assert mount.skies(np.array([[first, second]]))[0] == pytest.approx(np.array(sky), abs=1e-15) or mount.level
 
 
-@given(mount=MOUNTED, nearness=NEARNESS, around=HALF_TURN, side=st.sampled_from([-1.0, 1.0]), rate=st.floats(-0.02, 0.02))
+@given(
+    mount=MOUNTED, nearness=NEARNESS, around=HALF_TURN, side=st.sampled_from([-1.0, 1.0]), rate=st.floats(-0.02, 0.02)
+)
 def test_motions_close_with_rates_and_accelerations_near_every_pole(
     mount: Kinematics, nearness: float, around: float, side: float, rate: float
 ) -> None:
@@ -105,9 +107,7 @@ def test_motions_close_with_rates_and_accelerations_near_every_pole(
 
 
 @given(mount=MOUNTED, first=HALF_TURN, second=st.floats(-1.4, 1.4), swing=st.floats(0.1, 1.0))
-def test_rates_are_the_derivatives_of_the_angles(
-    mount: Kinematics, first: float, second: float, swing: float
-) -> None:
+def test_rates_are_the_derivatives_of_the_angles(mount: Kinematics, first: float, second: float, swing: float) -> None:
     """A target on a great circle, u = c cos wt + s sin wt: its angles by complex steps of the time."""
     centre, side = unit_vector_from_azel(first, second), np.array([0.0, 0.0, 1.0])
     side = np.cross(centre, side) / np.linalg.norm(np.cross(centre, side))

@@ -57,8 +57,7 @@ def preprocessor(of: Band) -> Rows:
 
 def rest(of: Band) -> Rows:
     """Park and stow position, and who may command."""
-    azimuth, elevation = (axis.travel_deg for axis in of.axes)
-    mount = of.content.mount
+    mount, elevation = of.content.mount, of.axes[1].travel_deg
     park = mount.park_deg or at_rest_deg(of)
     stow = nearest_within(of.zenith_deg[1], elevation) if mount.stow_elevation_deg is None else mount.stow_elevation_deg
     return {

@@ -122,7 +122,7 @@ class Band:
     def zenith_deg(self) -> Pair:
         """Angles of the axes that point at the zenith."""
         first, second = self.kinematics.axes_at(0.0, 0.5 * math.pi)
-        return rounded(math.degrees(math.remainder(first, math.tau)), 9), rounded(math.degrees(second), 9)
+        return round(math.degrees(math.remainder(first, math.tau)), 9) + 0.0, round(math.degrees(second), 9) + 0.0
 
     @property
     def wavelength_m(self) -> float:
