@@ -16,7 +16,7 @@ from satellites, IRE Trans. SET-8 (1962) 159.
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple, Self
 
@@ -24,7 +24,7 @@ import numpy as np
 
 from rf_pointing.core.angles import azel_from_unit_vector, motion_of_vectors, unit_vector_from_azel, vectors_of_motion
 from rf_pointing.core.parameters import Params, parameter
-from rf_pointing.core.signals import AXES
+from rf_pointing.core.signals import AXES, Target
 from rf_pointing.core.types import Array, Pair
 
 Triple = tuple[Array, Array, Array]
@@ -175,6 +175,25 @@ class Kinematics(Params):
         first, second = self.axes_at(azimuth_rad, elevation_rad)
         sky, own = _tangents(azimuth_rad, elevation_rad), _tangents(first, second)
         return np.asarray((self.matrix @ own.T).T @ sky.T)
+
+    def of_axes(self, target: Target) -> Target:
+        """Return a target on the sky in the angles of the axes, its uncertainty too."""
+        if self.level:
+            return target
+        position, velocity, acceleration = self.to_axes(
+            np.array([[target.azimuth_rad, target.elevation_rad]]),
+            np.array([[target.azimuth_rate_rad_s, target.elevation_rate_rad_s]]),
+            np.array([[target.azimuth_acceleration_rad_s2, target.elevation_acceleration_rad_s2]]),
+        )
+        known = target.uncertainty
+        if known is not None:
+            turn = self.across(target.azimuth_rad, target.elevation_rad)
+            known = replace(known, covariance_rad2=turn @ known.covariance_rad2 @ turn.T)
+        (first, second), (rate, climb), (bend, curve) = (each[0].tolist() for each in (position, velocity, acceleration))
+        return replace(
+            target, azimuth_rad=first, elevation_rad=second, azimuth_rate_rad_s=rate, elevation_rate_rad_s=climb,
+            azimuth_acceleration_rad_s2=bend, elevation_acceleration_rad_s2=curve, uncertainty=known,
+        )  # fmt: skip
 
     def _turned(self, matrix: Array, position: Array, velocity: Array, acceleration: Array) -> Triple:
         if self.level:

@@ -65,7 +65,7 @@ class AntennaSafety:
     def __init__(self, params: SafetyParams, motion: CommandPreprocessorParams, tick_s: float) -> None:
         self.params = params
         self.retune(motion)
-        self.sun = SolarDirection(params.sun)
+        self.sun = SolarDirection(params.sun, params.kinematics)
         self.watch, self.drive = AxisWatch(params.watch, tick_s), DriveWatch(params.drive, tick_s)
         self.wind = WindWatch(params.wind)
         self.latch = FaultLatch()

@@ -35,6 +35,8 @@ OF_EVERY_NODE = (
 )  # fmt: skip
 KNOWS_EVERY_MOUNT = frozenset({"check_station", "plan_passes"})
 """Commands that know axes by their mount; every node and any other command refuses other mounts."""
+SIMULATED_MOUNTS = frozenset({"x_y", "ha_dec"})
+"""Mounts that are simulated without ROS besides azimuth and elevation."""
 # Parameters of before, and the key that took their place.
 _FORMER = {
     ("ephemeris_publisher", "source.station"): "site",
@@ -241,7 +243,8 @@ class StationDescription:
         Angles of other axes would be taken for azimuth and elevation.
         """
         kind = self.content.mount.type
-        if kind != AZIMUTH_ELEVATION and user not in KNOWS_EVERY_MOUNT:
+        known = user in KNOWS_EVERY_MOUNT or (user == "simulate" and kind in SIMULATED_MOUNTS)
+        if kind != AZIMUTH_ELEVATION and not known:
             raise ValueError(
                 f"{user} knows mounts of type {AZIMUTH_ELEVATION} alone: mount.type of {self.name} is {kind}"
             )
