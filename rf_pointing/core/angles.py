@@ -117,7 +117,7 @@ def vectors_of_motion(position: Array, velocity: Array, acceleration: Array) -> 
 
 
 def motion_of_vectors(u: Array, du: Array, ddu: Array) -> tuple[Array, Array, Array]:
-    """Return azimuth and elevation (n, 2) of moving vectors (n, 3), their rates and accelerations."""
+    """Return the angles (n, 2) of moving vectors (n, 3), their rates and accelerations."""
     (x, y, z), (dx, dy, dz), (ddx, ddy, ddz) = u.T, du.T, ddu.T
     # At the zenith itself azimuth is undefined; a nanoradian keeps its rates finite.
     level2 = np.maximum(x**2 + y**2, 1e-18)

@@ -189,7 +189,9 @@ class Kinematics(Params):
         if known is not None:
             turn = self.across(target.azimuth_rad, target.elevation_rad)
             known = replace(known, covariance_rad2=turn @ known.covariance_rad2 @ turn.T)
-        (first, second), (rate, climb), (bend, curve) = (each[0].tolist() for each in (position, velocity, acceleration))
+        (first, second), (rate, climb), (bend, curve) = (
+            each[0].tolist() for each in (position, velocity, acceleration)
+        )
         return replace(
             target, azimuth_rad=first, elevation_rad=second, azimuth_rate_rad_s=rate, elevation_rate_rad_s=climb,
             azimuth_acceleration_rad_s2=bend, elevation_acceleration_rad_s2=curve, uncertainty=known,

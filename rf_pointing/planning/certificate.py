@@ -380,8 +380,10 @@ def _reasons_against(closest: str, margin: float, above: float, sun: float, mach
 
 
 def branch_cost(branch: Branch) -> tuple[object, ...]:
-    """Return the order of branches: works; least past a limit, fewest reasons; least signal lost, to 0.1 s; then the least
-    time to get there and to unwind.
+    """Return the order of branches.
+
+    It works; least past a limit, fewest reasons; least signal lost, to 0.1 s; then the least time
+    to get there and to unwind.
     """
     distance = max(0.0, -branch.limit_margin_rad)
     return (

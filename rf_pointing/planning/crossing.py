@@ -1,10 +1,11 @@
 """Crossing the zenith with an azimuth axis that is too slow for it, and what the crossing costs.
 
 An azimuth-elevation mount sees a pass near the zenith turn its azimuth by half a turn faster than
-the axis can; any other mount its lower axis, at either end of its pole.  Clipping the rate makes the beam lag through the whole crossing and far beyond.  The
-best motion follows the target, leaves it early at full acceleration and rate, lets it overtake, and
-comes back onto it at the limits: follow - bang - follow, the structure that the maximum principle
-gives for a loss that grows with the error.  With departure (t_a, az_a, v_a) the return t_b solves
+the axis can; any other mount its lower axis, at either end of its pole.  Clipping the rate makes
+the beam lag through the whole crossing and far beyond.  The best motion follows the target, leaves
+it early at full acceleration and rate, lets it overtake, and comes back onto it at the limits:
+follow - bang - follow, the structure that the maximum principle gives for a loss that grows with
+the error.  With departure (t_a, az_a, v_a) the return t_b solves
 
     az_a + V (t_b - t_a) - (V - v_a)^2 / 2A - (V - v_b)^2 / 2A = az(t_b)
 

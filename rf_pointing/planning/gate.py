@@ -194,6 +194,7 @@ class Gate:
         if low - hard_rad <= joint_rad[0] <= high + hard_rad and bottom - hard_rad <= joint_rad[1] <= top + hard_rad:
             return ""
         for axis, (angle, rate) in enumerate(zip(joint_rad, rate_rad_s, strict=True)):
+            name = self.mount.axes[axis]
             low, high = self._low[axis] - hard_rad, self._high[axis] + hard_rad
             # Brakes that let go beyond a limit would otherwise trip on the swing they cause.
             if released_rad is not None:
@@ -201,7 +202,7 @@ class Gate:
             if (angle > high and rate > 0.0) or (angle < low and rate < 0.0):
                 bound = high if angle > high else low
                 return (
-                    f"{self.mount.axes[axis]} {math.degrees(angle):.3f} deg is {math.degrees(abs(angle - bound)):.3f} deg past the "
+                    f"{name} {math.degrees(angle):.3f} deg is {math.degrees(abs(angle - bound)):.3f} deg past the "
                     f"hard limit {math.degrees(bound):.3f} deg"
                 )
         return ""
@@ -236,16 +237,16 @@ class Gate:
     def _rates(self, azimuth: float, elevation: float, rates: list[float], encoder_rad: Pair) -> str:
         """Return why a rate is too fast for the axis, or to stop in time: v^2 <= 2 a d."""
         for axis, (angle, rate) in enumerate(zip((azimuth, elevation), rates, strict=True)):
-            limit = self.axes.rate_rad_s[axis]
+            limit, name = self.axes.rate_rad_s[axis], self.mount.axes[axis]
             if abs(rate) > limit:
                 fast, most = math.degrees(rate), math.degrees(limit)
-                return f"{self.mount.axes[axis]} rate {fast:.3f} deg/s exceeds the axis limit {most:.3f} deg/s"
+                return f"{name} rate {fast:.3f} deg/s exceeds the axis limit {most:.3f} deg/s"
             bound = max(self._high[axis], encoder_rad[axis]) if rate > 0.0 else min(self._low[axis], encoder_rad[axis])
             needed = rate**2 / (2.0 * self.axes.acceleration_rad_s2[axis])
             left = abs(bound - angle)
             if needed > left + ROUNDING_RAD:
                 return (
-                    f"{self.mount.axes[axis]} rate {math.degrees(rate):.3f} deg/s needs {math.degrees(needed):.3f} deg to stop, "
+                    f"{name} rate {math.degrees(rate):.3f} deg/s needs {math.degrees(needed):.3f} deg to stop, "
                     f"{math.degrees(left):.3f} deg are left to the limit {math.degrees(bound):.3f} deg"
                 )
         return ""

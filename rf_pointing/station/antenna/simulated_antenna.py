@@ -117,9 +117,7 @@ class SimulatedHardware(AntennaPlant):
         self.injected = InjectedFaults()
         self._wind: WindSource = Wind(params.wind, random_stream(seed, "wind"))
         self._torque = np.zeros(2)
-        self._beam = SimulatedBeam(
-            params.mount, params.antenna.lag_averaging_s, self._tick_s, params.safety.kinematics
-        )
+        self._beam = SimulatedBeam(params.mount, params.antenna.lag_averaging_s, self._tick_s, params.safety.kinematics)
 
     def blow(self, wind: WindSource) -> None:
         """Let another wind blow from now on, as one that was recorded."""

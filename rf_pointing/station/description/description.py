@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 _PACKAGE = Path(__file__).parents[2]
 STATIONS = next(filter(Path.is_dir, (_PACKAGE / "config/stations", _PACKAGE.parent / "config/stations")))
 """Folder of the shipped descriptions: installed with the package, or config/ of a checkout."""
+OTHER_MOUNTS = STATIONS.parent / "other_mounts"
+"""Folder of those with other mounts, which most commands refuse."""
 DEFAULT_STATION = "dss13"
 OF_EVERY_NODE = (
     "lifecycle.autostart", "lifecycle.realtime_priority", "station", "band", "use_sim_time",
@@ -266,11 +268,11 @@ def read_station(name_or_path: str | Path, nodes: tuple[str, ...] = tuple(NODES)
         A ValueError with all problems of the file, one a line: `file:line: key=value must ...`.
     """
     text = str(name_or_path)
-    path = STATIONS / f"{text}.yaml"
-    if not path.is_file():
+    path = next(filter(Path.is_file, (STATIONS / f"{text}.yaml", OTHER_MOUNTS / f"{text}.yaml")), None)
+    if path is None:
         path = Path(text).expanduser()
         if not path.is_file():
-            shipped = shipped_stations()
+            shipped = shipped_stations(every_mount=True)
             raise StationError(text, [(0, f"no such file, and no shipped station{nearest(text, shipped)}")])
     return station_from(path, nodes=nodes)
 
@@ -294,9 +296,10 @@ def station_from(path: Path, text: str | None = None, nodes: tuple[str, ...] = t
     return station
 
 
-def shipped_stations() -> tuple[str, ...]:
-    """Return the names of the shipped descriptions."""
-    return tuple(sorted(path.stem for path in STATIONS.glob("*.yaml") if not path.stem.startswith("bias_model")))
+def shipped_stations(*, every_mount: bool = False) -> tuple[str, ...]:
+    """Return the names of the shipped descriptions, those of azimuth and elevation or `every_mount`."""
+    files = [*STATIONS.glob("*.yaml"), *(OTHER_MOUNTS.glob("*.yaml") if every_mount else ())]
+    return tuple(sorted(path.stem for path in files if not path.stem.startswith("bias_model")))
 
 
 def require_known(node: str, names: Iterable[str]) -> None:

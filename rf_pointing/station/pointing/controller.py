@@ -212,7 +212,9 @@ class PointingController:
             raise ValueError(f"the antenna has a latched fault ({self.antenna.fault}); reset it first")
         self.carrier.require_level(window, sensor, self._mode.params, self.plan.profile_of(window))
         if scan is not None and not self.plan.mount.level:
-            raise ValueError(f"scan: its frames are those of azimuth and elevation, the mount is {self.plan.mount.type}")
+            raise ValueError(
+                f"scan: its frames are those of azimuth and elevation, the mount is {self.plan.mount.type}"
+            )
         program = None if scan is None else ScanProgram(scan)
         if program is not None:
             self._require_scan(t_s, window, program)
@@ -407,9 +409,7 @@ class PointingController:
         cost = sensor_cost(looks, self._scans, self.params.trim, table, motion)
         if prior is not self.params.trim:
             latitude_rad, begin_s = self.plan.sun.site.latitude_rad, max(t_s, window.aos_t_s)
-            found = uncertain_cost(
-                looks, self._scans, prior, table, profile, latitude_rad, begin_s, self.plan.mount
-            )
+            found = uncertain_cost(looks, self._scans, prior, table, profile, latitude_rad, begin_s, self.plan.mount)
             cost = replace(found, fresh=cost)
         if own:
             beamwidth_rad = self.corrections.half_power_beamwidth_rad
