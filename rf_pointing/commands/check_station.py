@@ -17,6 +17,7 @@ from rf_pointing.station.derive.band import Band
 from rf_pointing.station.derive.nodes import described_parameters
 from rf_pointing.station.derive.plants import FIRST_LOOP
 from rf_pointing.station.description import StationDescription, read_station, shipped_stations
+from rf_pointing.station.description.remarks import remarks
 from rf_pointing.station.description.urdf import urdf
 
 WIDE = 84
@@ -70,10 +71,10 @@ def report(station: StationDescription, band: str, everything: bool) -> Iterable
             shown.add(title)
             users = f"  -> {', '.join(nodes.get(name, ()))}" if everything else ""
             yield f"  {_shown(title, given):<{WIDE}} {_reason(given)}{users}"
-    remarks = list(station.remarks(band))
-    if remarks:
+    found = list(remarks(station, band))
+    if found:
         yield "\nto know:"
-        yield from (f"  {remark}" for remark in remarks)
+        yield from (f"  {remark}" for remark in found)
 
 
 def _shown(name: str, given: Value) -> str:

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rf_pointing.core.checks import require_finite
-from rf_pointing.core.types import Array
 
 # One millidegree in radians, the unit in which pointing errors are reported.
 MDEG = math.radians(1e-3)
@@ -92,42 +91,3 @@ def angular_distance_rad(
     sine: NDArray[np.float64] = np.linalg.norm(np.cross(a, b), axis=-1)
     cosine: NDArray[np.float64] = np.sum(a * b, axis=-1)
     return np.arctan2(sine, cosine)
-
-
-def vectors_of_motion(position: Array, velocity: Array, acceleration: Array) -> tuple[Array, Array, Array]:
-    """Return the unit vectors (n, 3) of moving directions (n, 2), with both derivatives.
-
-    The inverse is `motion_of_vectors`.
-    """
-    (sa, sh), (ca, ch) = np.sin(position).T, np.cos(position).T
-    w, v = velocity.T
-    dw, dv = acceleration.T
-    east, north = sa * ch, ca * ch
-    u = np.stack([east, north, sh], axis=1)
-    du = np.stack([w * north - v * sa * sh, -w * east - v * ca * sh, v * ch], axis=1)
-    ddu = np.stack(
-        [
-            dw * north - w**2 * east - 2.0 * w * v * ca * sh - dv * sa * sh - v**2 * east,
-            -dw * east - w**2 * north + 2.0 * w * v * sa * sh - dv * ca * sh - v**2 * north,
-            dv * ch - v**2 * sh,
-        ],
-        axis=1,
-    )
-    return u, du, ddu
-
-
-def motion_of_vectors(u: Array, du: Array, ddu: Array) -> tuple[Array, Array, Array]:
-    """Return the angles (n, 2) of moving vectors (n, 3), their rates and accelerations."""
-    (x, y, z), (dx, dy, dz), (ddx, ddy, ddz) = u.T, du.T, ddu.T
-    # At the zenith itself azimuth is undefined; a nanoradian keeps its rates finite.
-    level2 = np.maximum(x**2 + y**2, 1e-18)
-    level = np.sqrt(level2)
-    azimuth, elevation = np.arctan2(x, y), np.arctan2(z, level)
-    w = (y * dx - x * dy) / level2
-    dlevel = (x * dx + y * dy) / level
-    dw = (y * ddx - x * ddy) / level2 - 2.0 * w * dlevel / level
-    ddlevel = (dx**2 + dy**2 + x * ddx + y * ddy - dlevel**2) / level
-    r2 = level2 + z**2
-    v = (level * dz - z * dlevel) / r2
-    dv = (level * ddz - z * ddlevel) / r2 - 2.0 * v * (level * dlevel + z * dz) / r2
-    return np.column_stack([azimuth, elevation]), np.column_stack([w, v]), np.column_stack([dw, dv])

@@ -7,7 +7,7 @@ lifts the beam towards the pole by b:
     u = B (cos b sin a, cos b cos a, sin b),   B = R_1 R_2 ...
 
 So every mount is one of azimuth and elevation whose vertical points elsewhere, and a row of
-`MOUNTS` is all that is special about it.  Its keyholes are the two ends of the pole.  (a + 180 deg,
+`CHAINS` is all that is special about it.  Its keyholes are the two ends of the pole.  (a + 180 deg,
 180 deg - b) is the same direction with the dish over its back.
 
 The X-Y mount is that of Rolinski, Carlson and Coates, The X-Y antenna mount for data acquisition
@@ -22,14 +22,13 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from rf_pointing.core.angles import azel_from_unit_vector, motion_of_vectors, unit_vector_from_azel, vectors_of_motion
+from rf_pointing.core.angles import azel_from_unit_vector, unit_vector_from_azel
+from rf_pointing.core.mount_types import AZIMUTH_ELEVATION, LOWER_AXES, MOUNTS
 from rf_pointing.core.parameters import Params, parameter
-from rf_pointing.core.signals import AXES, Target
+from rf_pointing.core.signals import Target
 from rf_pointing.core.types import Array, Pair
 
 Triple = tuple[Array, Array, Array]
-AZIMUTH_ELEVATION = "azimuth_elevation"
-LOWER_AXES = ("east_west", "north_south")
 EAST, NORTH, UP = range(3)
 # Closer to a pole of the Earth an hour angle has no zero.
 POLAR_RAD = math.radians(89.9)
@@ -50,20 +49,6 @@ class Turn(NamedTuple):
         return found
 
 
-class MountType(NamedTuple):
-    """The row of one mount: names of its axes, its chain, and the keys that it alone has.
-
-    A `polar` one needs its latitude.  The lower axis turns the other way than azimuth does where
-    `reversed` says so.
-    """
-
-    axes: tuple[str, str]
-    chain: Callable[["Kinematics"], tuple[Turn, ...]]
-    keys: tuple[str, ...] = ()
-    polar: bool = False
-    reversed: Callable[["Kinematics"], bool] = lambda _: False
-
-
 def _x_y(mount: "Kinematics") -> tuple[Turn, ...]:
     # Both axes are 0 at the zenith; X is positive to the north or east, Y to the east or north.
     quarter = 0.5 * math.pi
@@ -72,20 +57,13 @@ def _x_y(mount: "Kinematics") -> tuple[Turn, ...]:
     return Turn(EAST, quarter), Turn(NORTH, math.pi)
 
 
-MOUNTS: Mapping[str, MountType] = {
-    AZIMUTH_ELEVATION: MountType(AXES, lambda _: ()),
-    "x_y": MountType(("x", "y"), _x_y, ("lower_axis",), reversed=lambda mount: mount.lower_axis == LOWER_AXES[1]),
-    # Hour angle positive to the west, declination to the north.
-    "ha_dec": MountType(
-        ("hour_angle", "declination"),
-        lambda mount: (Turn(EAST, mount.latitude_rad - 0.5 * math.pi), Turn(UP, math.pi)),
-        polar=True,
-    ),
-    "azimuth_elevation_tilt": MountType(
-        AXES, lambda mount: (Turn(UP, -mount.train_rad), Turn(EAST, -mount.tilt_rad)), ("tilt_deg",)
-    ),
+CHAINS: Mapping[str, Callable[["Kinematics"], tuple[Turn, ...]]] = {
+    AZIMUTH_ELEVATION: lambda _: (),
+    "x_y": _x_y,
+    "ha_dec": lambda mount: (Turn(EAST, mount.latitude_rad - 0.5 * math.pi), Turn(UP, math.pi)),
+    "azimuth_elevation_tilt": lambda mount: (Turn(UP, -mount.train_rad), Turn(EAST, -mount.tilt_rad)),
 }
-"""Every mount by the word of a station description."""
+"""The fixed rotations of every mount of `MOUNTS`."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -119,12 +97,12 @@ class Kinematics(Params):
     @cached_property
     def matrix(self) -> Array:
         """The fixed rotations B (3, 3): its columns are the mount's right, ahead and pole."""
-        row, found = MOUNTS[self.type], np.eye(3)
-        for turn in row.chain(self):
+        found = np.eye(3)
+        for turn in CHAINS[self.type](self):
             found = found @ turn.matrix()
         # Quarter turns leave 6e-17 where a zero belongs.
         found = np.where(np.abs(found) < 1e-15, 0.0, found)
-        return found * np.array([-1.0, 1.0, 1.0]) if row.reversed(self) else found
+        return found * np.array([-1.0, 1.0, 1.0]) if self.lower_axis == MOUNTS[self.type].reversed_by else found
 
     @cached_property
     def level(self) -> bool:
@@ -219,3 +197,42 @@ def _tangents(first: float, second: float) -> Array:
     """Return the unit vectors (2, 3) across and along the upper axis."""
     sine, cosine, rise, level = math.sin(first), math.cos(first), math.sin(second), math.cos(second)
     return np.array([[cosine, -sine, 0.0], [-rise * sine, -rise * cosine, level]])
+
+
+def vectors_of_motion(position: Array, velocity: Array, acceleration: Array) -> tuple[Array, Array, Array]:
+    """Return the unit vectors (n, 3) of moving directions (n, 2), with both derivatives.
+
+    The inverse is `motion_of_vectors`.
+    """
+    (sa, sh), (ca, ch) = np.sin(position).T, np.cos(position).T
+    w, v = velocity.T
+    dw, dv = acceleration.T
+    east, north = sa * ch, ca * ch
+    u = np.stack([east, north, sh], axis=1)
+    du = np.stack([w * north - v * sa * sh, -w * east - v * ca * sh, v * ch], axis=1)
+    ddu = np.stack(
+        [
+            dw * north - w**2 * east - 2.0 * w * v * ca * sh - dv * sa * sh - v**2 * east,
+            -dw * east - w**2 * north + 2.0 * w * v * sa * sh - dv * ca * sh - v**2 * north,
+            dv * ch - v**2 * sh,
+        ],
+        axis=1,
+    )
+    return u, du, ddu
+
+
+def motion_of_vectors(u: Array, du: Array, ddu: Array) -> tuple[Array, Array, Array]:
+    """Return the angles (n, 2) of moving vectors (n, 3), their rates and accelerations."""
+    (x, y, z), (dx, dy, dz), (ddx, ddy, ddz) = u.T, du.T, ddu.T
+    # At the zenith itself azimuth is undefined; a nanoradian keeps its rates finite.
+    level2 = np.maximum(x**2 + y**2, 1e-18)
+    level = np.sqrt(level2)
+    azimuth, elevation = np.arctan2(x, y), np.arctan2(z, level)
+    w = (y * dx - x * dy) / level2
+    dlevel = (x * dx + y * dy) / level
+    dw = (y * ddx - x * ddy) / level2 - 2.0 * w * dlevel / level
+    ddlevel = (dx**2 + dy**2 + x * ddx + y * ddy - dlevel**2) / level
+    r2 = level2 + z**2
+    v = (level * dz - z * dlevel) / r2
+    dv = (level * ddz - z * ddlevel) / r2 - 2.0 * v * (level * dlevel + z * dz) / r2
+    return np.column_stack([azimuth, elevation]), np.column_stack([w, v]), np.column_stack([dw, dv])

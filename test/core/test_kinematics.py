@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rf_pointing.core import unit_vector_from_azel
-from rf_pointing.core.angles import motion_of_vectors, vectors_of_motion
-from rf_pointing.core.kinematics import LEVEL, LOWER_AXES, MOUNTS, Kinematics
+from rf_pointing.core.kinematics import CHAINS, LEVEL, Kinematics, motion_of_vectors, vectors_of_motion
+from rf_pointing.core.mount_types import LOWER_AXES, MOUNTS
 
 DEG = math.pi / 180.0
 CLOSURE = 1e-12
@@ -29,6 +29,10 @@ NEARNESS = st.floats(-8.0, 0.0)
 def near_a_pole(mount: Kinematics, nearness: float, around: float, side: float) -> np.ndarray:
     """A direction (1, 2) of the sky so near to an end of the mount's pole."""
     return mount.skies(np.array([[around, side * (0.5 * math.pi - 10.0**nearness)]]))
+
+
+def test_every_type_has_its_chain() -> None:
+    assert CHAINS.keys() == MOUNTS.keys()
 
 
 @pytest.mark.parametrize(

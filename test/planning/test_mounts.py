@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rf_pointing.core import gaussian_gain
-from rf_pointing.core.angles import motion_of_vectors
-from rf_pointing.core.kinematics import LEVEL, LOWER_AXES, MOUNTS, Kinematics
+from rf_pointing.core.kinematics import LEVEL, Kinematics, motion_of_vectors
+from rf_pointing.core.mount_types import LOWER_AXES, MOUNTS
 from rf_pointing.planning import (
     AxisLimits,
     AxisRates,

@@ -13,7 +13,7 @@ from rf_pointing.ephemeris.solar import SolarDirection, SunParams
 from rf_pointing.ephemeris.source import SourceParams, load_elements
 from rf_pointing.simulation import StationSetup, simulate_pass
 from rf_pointing.station.antenna.simulated_antenna import SimulatedAntenna
-from rf_pointing.station.derive.band import kinematics_of
+from rf_pointing.station.derive.axes import kinematics_of
 from rf_pointing.station.description import read_station, shipped_stations
 from rf_pointing.station.description.description import SIMULATED_MOUNTS
 from rf_pointing.tracking import TrackPath

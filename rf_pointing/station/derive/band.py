@@ -13,7 +13,7 @@ from functools import cached_property
 from typing import Any
 
 from rf_pointing.core.derived import Rows, Value, rounded
-from rf_pointing.core.kinematics import AZIMUTH_ELEVATION, LOWER_AXES, Kinematics
+from rf_pointing.core.mount_types import AZIMUTH_ELEVATION
 from rf_pointing.core.parameters import Params, flat, leaves, with_leaves
 from rf_pointing.core.types import Pair
 from rf_pointing.ephemeris.sites import SITES, Site
@@ -112,17 +112,6 @@ class Band:
     def axes(self) -> tuple[AxisSection, AxisSection]:
         """Lower and upper axis: azimuth and elevation."""
         return self.content.mount.pair
-
-    @cached_property
-    def kinematics(self) -> Kinematics:
-        """The mount: how sky and axes follow from each other."""
-        return kinematics_of(self.content)
-
-    @property
-    def zenith_deg(self) -> Pair:
-        """Angles of the axes that point at the zenith."""
-        first, second = self.kinematics.axes_at(0.0, 0.5 * math.pi)
-        return round(math.degrees(math.remainder(first, math.tau)), 9) + 0.0, round(math.degrees(second), 9) + 0.0
 
     @property
     def wavelength_m(self) -> float:
@@ -226,17 +215,6 @@ def pass_elevation_deg(content: Content) -> float:
     # Only the lower end of an elevation axis is a height over the horizon.
     lowest = mount.pair[1].travel_deg[0] + 1.0 if mount.type == AZIMUTH_ELEVATION else 5.0
     return max(5.0, lowest) if given is None else given
-
-
-def kinematics_of(content: Content) -> Kinematics:
-    """Return the mount of a description; ValueError where it cannot stand at the site."""
-    mount = content.mount
-    return Kinematics(
-        type=mount.type,
-        lower_axis=mount.lower_axis or LOWER_AXES[0],
-        latitude_rad=site_of(content).latitude_rad if mount.kind.polar else 0.0,
-        tilt_rad=math.radians(mount.tilt_deg or 0.0),
-    )
 
 
 def drive_acceleration_deg_s2(axis: AxisSection) -> float:

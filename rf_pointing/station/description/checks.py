@@ -1,15 +1,16 @@
 """Contradictions in a description: values that are right alone and cannot be true together."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
 
 from rf_pointing.core import Params, Sensor, leaves
 from rf_pointing.core.checks import LONGEST_NAME, brief, one_of
-from rf_pointing.core.kinematics import AZIMUTH_ELEVATION
+from rf_pointing.core.mount_types import AZIMUTH_ELEVATION
 from rf_pointing.core.parameters import flat, from_edge, with_leaves
+from rf_pointing.core.signals import AXES
 from rf_pointing.core.types import Pair
 from rf_pointing.core.whole_file import read_whole
 from rf_pointing.drives.params import DriveParams
@@ -19,10 +20,19 @@ from rf_pointing.ephemeris import SITES
 from rf_pointing.planning import HorizonMask
 from rf_pointing.planning.horizon_file import in_order, read_horizon
 from rf_pointing.receiver.params import SignalReceiverParams
-from rf_pointing.station.derive.band import BEAM_FACTOR_DEG, SPEED_OF_LIGHT_M_S, kinematics_of, pass_elevation_deg
+from rf_pointing.station.derive.axes import kinematics_of
+from rf_pointing.station.derive.band import BEAM_FACTOR_DEG, SPEED_OF_LIGHT_M_S, pass_elevation_deg
 from rf_pointing.station.derive.nodes import NODES, described_parameters, reference
 from rf_pointing.station.derive.signal import OPEN
-from rf_pointing.station.description.content import ArraySection, BandSection, Content, MountSection, ReceiverSection
+from rf_pointing.station.description.content import (
+    AZIMUTH_TEXT,
+    ELEVATION_TEXT,
+    ArraySection,
+    BandSection,
+    Content,
+    MountSection,
+    ReceiverSection,
+)  # fmt: skip
 from rf_pointing.station.description.reading import MOST_VALUES, Reader, nearest
 
 BEAMWIDTH_TOLERANCE = 0.2
@@ -43,7 +53,7 @@ def check(content: Content, reader: Reader, nodes: tuple[str, ...]) -> HorizonMa
         reader.note("name", f"name={brief(content.name)} must have 1 to {LONGEST_NAME} signs")
     mask = _mask(content, reader)
     if content.mount is not None:
-        for key, text in content.mount.misplaced():
+        for key, text in _misplaced(content.mount):
             # What is there and was refused has its own problem.
             if not (" is missing" in text and f"mount.{key}" in reader.lines):
                 reader.note(f"mount.{key}", f"mount{text}")
@@ -89,6 +99,28 @@ def _check_receiver(section: ReceiverSection | None, reader: Reader) -> None:
             check_params(with_leaves(SignalReceiverParams(), {"type": section.type, **given}))
         except ValueError as error:
             reader.note("receiver", f"receiver.{error}")
+
+
+def _misplaced(mount: MountSection) -> Iterator[tuple[str, str]]:
+    """Yield keys that the type of the mount lacks, or does not have, and why."""
+    names, texts = mount.kind.axes, dict(zip(AXES, (AZIMUTH_TEXT, ELEVATION_TEXT), strict=True))
+    for name, axis in zip(names, mount.pair, strict=True):
+        if axis is None and name in AXES:
+            yield name, f".{name} is missing: {texts[name]}"
+        elif axis is None:
+            yield f"axes.{name}", f".axes.{name} is missing: type={mount.type} has the axes {' and '.join(names)}"
+    given = {f"axes.{name}": name for name in mount.axes or {}} | {
+        name: name for name in AXES if getattr(mount, name) is not None
+    }
+    for key, name in given.items():
+        if name not in names or (name in AXES) == ("." in key):
+            yield key, f".{key}: type={mount.type} has the axes {' and '.join(names)}"
+    for key in ("lower_axis", "tilt_deg"):
+        needed, there = key in mount.kind.keys, getattr(mount, key) is not None
+        if there and not needed:
+            yield key, f".{key}: type={mount.type} has no such key"
+        elif needed and not there:
+            yield key, f".{key} is missing: type={mount.type} needs it"
 
 
 def _check_mount(content: Content, mount: MountSection, reader: Reader) -> None:

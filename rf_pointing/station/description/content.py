@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from rf_pointing.core import parameter
-from rf_pointing.core.kinematics import AZIMUTH_ELEVATION, LOWER_AXES, MOUNTS, MountType
+from rf_pointing.core.mount_types import AZIMUTH_ELEVATION, LOWER_AXES, MOUNTS, MountType
 from rf_pointing.core.signals import AXES
 from rf_pointing.core.types import Pair
 from rf_pointing.tracking.sensors import SENSORS
@@ -144,27 +144,6 @@ class MountSection:
         """Dotted keys of both axes."""
         first, second = (f"mount.{name}" if name in AXES else f"mount.axes.{name}" for name in self.kind.axes)
         return first, second
-
-    def misplaced(self) -> Iterator[tuple[str, str]]:
-        """Yield keys that the type of the mount lacks, or does not have, and why."""
-        names, texts = self.kind.axes, dict(zip(AXES, (AZIMUTH_TEXT, ELEVATION_TEXT), strict=True))
-        for name, axis in zip(names, self.pair, strict=True):
-            if axis is None and name in AXES:
-                yield name, f".{name} is missing: {texts[name]}"
-            elif axis is None:
-                yield f"axes.{name}", f".axes.{name} is missing: type={self.type} has the axes {' and '.join(names)}"
-        given = {f"axes.{name}": name for name in self.axes or {}} | {
-            name: name for name in AXES if getattr(self, name) is not None
-        }
-        for key, name in given.items():
-            if name not in names or (name in AXES) == ("." in key):
-                yield key, f".{key}: type={self.type} has the axes {' and '.join(names)}"
-        for key in ("lower_axis", "tilt_deg"):
-            needed, there = key in self.kind.keys, getattr(self, key) is not None
-            if there and not needed:
-                yield key, f".{key}: type={self.type} has no such key"
-            elif needed and not there:
-                yield key, f".{key} is missing: type={self.type} needs it"
 
 
 @dataclass(frozen=True, kw_only=True)

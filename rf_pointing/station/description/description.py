@@ -2,8 +2,7 @@
 
 import dataclasses
 import json
-import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cache, cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,8 +11,8 @@ import yaml
 
 from rf_pointing.core import require_choice
 from rf_pointing.core.derived import Value
-from rf_pointing.core.kinematics import AZIMUTH_ELEVATION
 from rf_pointing.core.modes import Sensor
+from rf_pointing.core.mount_types import AZIMUTH_ELEVATION
 from rf_pointing.core.parameters import flat, leaves
 from rf_pointing.core.whole_file import compose_yaml, read_whole
 from rf_pointing.station.derive.band import Band, Derived, site_of
@@ -210,35 +209,6 @@ class StationDescription:
             _put(root, key.split("."), value)
         path.write_text(yaml.serialize(root, Dumper=yaml.SafeDumper))
 
-    def remarks(self, band: str | None = None) -> Iterator[str]:
-        """Yield remarks that a user of this station should know, besides its problems."""
-        numbers = Band(self.content, self._band(band))
-        mount, kinematics = self.content.mount, numbers.kinematics
-        low, high = mount.pair[0].travel_deg
-        if not kinematics.level:
-            for azimuth, elevation in kinematics.keyholes_rad():
-                yield (
-                    f"mount: a keyhole at elevation {math.degrees(elevation):.1f} deg, azimuth "
-                    f"{math.degrees(azimuth) % 360.0:.1f} deg, where the {kinematics.axes[0]} axis is too slow"
-                )
-        elif high - low < 360.0:
-            yield f"mount.azimuth.travel_deg: {360.0 - high + low:g} deg of the sky cannot be reached"
-        elif high - low > 360.0:
-            yield f"mount.azimuth.travel_deg: {high - low - 360.0:g} deg of azimuth can be reached on two turns"
-        if self.mask == type(self.mask)(clearance_rad=self.mask.clearance_rad):
-            yield "mount: there is no horizon mask; the antenna may look at hills, houses and people"
-        if not numbers.section.bias_model:
-            yield f"bands.{numbers.name}: there is no bias model; errors of the mount are not corrected"
-        if not self.content.wind.anemometer:
-            yield "wind.anemometer: the station has none; wind does not stow the antenna"
-        if self.content.mount.unsigned_commands:
-            yield "mount.unsigned_commands: anybody on the network may command the antenna between passes"
-        if self.content.sun.radius_deg == 0.0:
-            yield "sun.radius_deg: the beam may look into the Sun"
-        share = numbers.step_deg / numbers.beamwidth_deg
-        if share > 0.1:
-            yield f"mount: an encoder step is {share:.2f} of the beamwidth; a tenth costs 0.03 dB, a half 0.75 dB"
-
     def require_mount(self, user: str) -> None:
         """Raise ValueError for a mount whose axes `user`, a node or command, does not know.
 
@@ -297,7 +267,7 @@ def station_from(path: Path, text: str | None = None, nodes: tuple[str, ...] = t
 
 
 def shipped_stations(*, every_mount: bool = False) -> tuple[str, ...]:
-    """Return the names of the shipped descriptions, those of azimuth and elevation or `every_mount`."""
+    """Return the shipped names: of azimuth and elevation alone, or of `every_mount`."""
     files = [*STATIONS.glob("*.yaml"), *(OTHER_MOUNTS.glob("*.yaml") if every_mount else ())]
     return tuple(sorted(path.stem for path in files if not path.stem.startswith("bias_model")))
 

@@ -81,7 +81,7 @@ REMARKS = {
 
 
 def remarks(station: StationDescription, band: str | None = None) -> list[str]:
-    return list(station.remarks(band))
+    return list(remarks(station, band))
 
 
 def test_remarks_are_those_of_the_band_and_of_the_mount() -> None:

@@ -15,7 +15,7 @@ from rf_pointing.api.station import Station
 from rf_pointing.api.target import elements
 from rf_pointing.commands import check_drive, check_station
 from rf_pointing.core import angular_distance_rad
-from rf_pointing.core.kinematics import MOUNTS
+from rf_pointing.core.mount_types import MOUNTS
 from rf_pointing.station.derive.nodes import NODES
 from rf_pointing.station.description import StationError, station_from
 from rf_pointing.station.description.description import KNOWS_EVERY_MOUNT, StationDescription
