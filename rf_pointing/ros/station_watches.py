@@ -1,4 +1,4 @@
-"""What a node of a station notices of the others: the executive, their clocks, their descriptions."""
+"""Watches of a node over the others: the executive, their clocks, their descriptions."""
 
 import time
 from collections import deque
@@ -43,7 +43,10 @@ class ExecutiveWatch:
         silent_s = time.monotonic() - self._seen_s
         # One that is idle may end: nothing waits for it.
         if silent_s > EXECUTIVE_SILENT_S and self._state != "idle":
-            return Health(ERROR, f"station_executive has been silent for {silent_s:.0f} s; it was {self._state}")
+            return Health(
+                ERROR,
+                f"station_executive has been silent for {silent_s:.0f} s; it was {self._state}",
+            )
         return Health(message=self._state)
 
 

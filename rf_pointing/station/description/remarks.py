@@ -1,4 +1,4 @@
-"""What a user should know of a station besides the problems of its description."""
+"""Remarks on a station for its user, besides the problems of its description."""
 
 import math
 from collections.abc import Iterator

@@ -117,7 +117,10 @@ def test_a_bias_model_of_azimuth_and_elevation_is_not_that_of_another_mount(tmp_
         "frequency_mhz: 8200", "{frequency_mhz: 8200, bias_model: a.yaml}"
     )
     text = text.replace("X:\n    {", "X: {")
-    with pytest.raises(StationError, match="bands.X.bias_model: its terms are those of mount.type=azimuth_elevation"):
+    with pytest.raises(
+        StationError,
+        match="bands.X.bias_model: its terms are those of mount.type=azimuth_elevation",
+    ):
         station_from(tmp_path / "s.yaml", text)
 
 
