@@ -42,6 +42,7 @@ SMALL_ON_PURPOSE: dict[str, str] = {
     "rf_pointing/api/look.py": "a public result with its own page",
     "rf_pointing/ros/convert_goals.py": "only conversions may name message fields",
     "rf_pointing/report/scan_picture.py": "one picture, like its neighbours",
+    "rf_pointing/station/description/remarks.py": "nodes load the description without them",
     "rf_pointing/station/derive/signal.py": "one block of the derivation, like its neighbours",
 }
 """Small modules with one importer that stay, each with the reason."""
