@@ -135,6 +135,10 @@ class StationDescription:
         content = dataclasses.asdict(self.content)
         content["mount"]["horizon_deg"] = leaves(self.mask)["azimuth_deg"][1], leaves(self.mask)["elevation_deg"][1]
         del content["mount"]["horizon_file"]
+        if self.content.mount.type == AZIMUTH_ELEVATION:
+            # As recordings have it from before there were other mounts.
+            for name in ("type", "axes", "lower_axis", "tilt_deg"):
+                del content["mount"][name]
         for name, section in content["bands"].items():
             model = self.bias_model_file(name)
             section["bias_model"] = read_whole(model) if model else ""
