@@ -223,6 +223,7 @@ def fit(
     >>> print(found)
     >>> found.write("my_model.yaml")
     """
+    station.description.require_mount("a fit of the bias model")
     targets = list(read_source(str(elements)).elements) if elements else []
     request = FitRequest(
         station=station.name, band=station.band, site=station.site, elements=targets, terms=tuple(terms), select=select,

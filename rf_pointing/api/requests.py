@@ -80,6 +80,7 @@ class RunRequest:
     output: Path | None = None
 
     def __post_init__(self) -> None:
+        self.station.description.require_mount(type(self).__name__.removesuffix("Request").lower())
         if isinstance(self.speed, float | int) and not 0.1 <= self.speed <= 1000.0:
             raise ValueError(f"speed={self.speed} must be between 0.1 and 1000")
         if self.ephemeris_error_s is not None:
@@ -381,5 +382,6 @@ class IdentifyRequest:
     output: Path = Path("runs/identification")
 
     def __post_init__(self) -> None:
+        self.station.description.require_mount("identify_antenna")
         if not 1 <= self.held_out < self.sequences:
             raise ValueError(f"held_out={self.held_out} must be >= 1 and < sequences={self.sequences}")

@@ -75,6 +75,9 @@ class ScanRequest:
     repetitions: int = 2
     sun_flux_sfu: float | None = None
 
+    def __post_init__(self) -> None:
+        self.station.description.require_mount("scan")
+
     def flux(self, t_s: float) -> Flux | None:
         """Return the flux of the target, None for one that sends a carrier or has none."""
         asked = self.target.name, self.station.frequency_hz, t_s

@@ -46,6 +46,7 @@ def make_desk(
 
 def make_service(station: Station, target: Target, t_s: float, kept: dict[str, Any] | None = None) -> Service:
     """Return the service of one target; `kept` is what was learned of it before."""
+    station.description.require_mount("a service")
     track, width_rad = station.track_of(target), station.controller.machine.half_power_beamwidth_rad
     sun = SolarDirection(station.controller.sun).at
     if kept and t_s - float(kept.get("t_s", 0.0)) < LONGEST_MEMORY_S:

@@ -123,7 +123,7 @@ class Station:
         sets = self.controller
         return PlanningRules(
             model=self.model, machine=sets.machine, limits=sets.limits, mask=sets.mask, gate=sets.gate,
-            lag_averaging_s=sets.pointing.lag_averaging_s,
+            lag_averaging_s=sets.pointing.lag_averaging_s, mount=sets.kinematics,
         )  # fmt: skip
 
     @cached_property

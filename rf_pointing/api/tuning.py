@@ -144,6 +144,8 @@ def tune(
     require_between("most_sensitive", most_sensitive, 1.2, 4.0)
     if station is None and models is None:
         raise ValueError("give a station, the models of identify_antenna, or both")
+    if station:
+        station.description.require_mount("tune")
     sets = station.description.sets("antenna_servo", station.band) if station else {}
     if station and station.description.drive["type"] != "simulated" and not takes_rates(station.description.drive):
         raise ValueError(f"{station.name}: its drive takes positions and closes the loop itself")

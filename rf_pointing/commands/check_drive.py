@@ -82,7 +82,9 @@ def read_drive(files: list[Path], station: str = "") -> DriveParams:
     written = read_parameter_files(files).get("antenna_servo", {})
     require_known("antenna_servo", written)
     if station:
-        drive: DriveParams = read_station(station).sets("antenna_servo", changes=written)["drive"]
+        described = read_station(station)
+        described.require_mount("check_drive")
+        drive: DriveParams = described.sets("antenna_servo", changes=written)["drive"]
         return drive
     try:
         of_drive = {name: value for name, value in written.items() if name.startswith("drive.")}
@@ -94,7 +96,7 @@ def read_drive(files: list[Path], station: str = "") -> DriveParams:
 def flown_rad(station: str) -> tuple[Pair, Pair]:
     """Return the lower and the upper ends of the travel that a station's description writes."""
     mount = read_station(station).content.mount
-    low, high = zip(*(axis.travel_deg for axis in (mount.azimuth, mount.elevation)), strict=True)
+    low, high = zip(*(axis.travel_deg for axis in mount.pair), strict=True)
     return (math.radians(low[0]), math.radians(low[1])), (math.radians(high[0]), math.radians(high[1]))
 
 

@@ -17,6 +17,7 @@ from rf_pointing.station.derive.band import Band
 from rf_pointing.station.derive.nodes import described_parameters
 from rf_pointing.station.derive.plants import FIRST_LOOP
 from rf_pointing.station.description import StationDescription, read_station, shipped_stations
+from rf_pointing.station.description.remarks import remarks
 from rf_pointing.station.description.urdf import urdf
 
 WIDE = 84
@@ -26,7 +27,7 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     """Return the parsed command line."""
     parser = argparse.ArgumentParser(prog="check_station", description="Check a station description.")
     add = parser.add_argument
-    add("station", metavar="STATION", help=f"file, or one of {', '.join(shipped_stations())}")
+    add("station", metavar="STATION", help=f"file, or one of {', '.join(shipped_stations(every_mount=True))}")
     add("--band", help="band whose derived values are printed (default: the station's)")
     add(
         "--all",
@@ -70,10 +71,10 @@ def report(station: StationDescription, band: str, everything: bool) -> Iterable
             shown.add(title)
             users = f"  -> {', '.join(nodes.get(name, ()))}" if everything else ""
             yield f"  {_shown(title, given):<{WIDE}} {_reason(given)}{users}"
-    remarks = list(station.remarks(band))
-    if remarks:
+    found = list(remarks(station, band))
+    if found:
         yield "\nto know:"
-        yield from (f"  {remark}" for remark in remarks)
+        yield from (f"  {remark}" for remark in found)
 
 
 def _shown(name: str, given: Value) -> str:

@@ -48,6 +48,9 @@ class CampaignRequest:
     count: int
     orbit_prior_m: float
 
+    def __post_init__(self) -> None:
+        self.station.description.require_mount("plan_calibration")
+
     def candidates(self) -> list[CandidatePass]:
         """Return what could be tracked; ValueError where nothing could."""
         require_between("hours", self.hours, 0.01, 24.0 * 28.0)

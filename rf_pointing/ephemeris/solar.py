@@ -12,6 +12,7 @@ import numpy as np
 from rf_pointing.core import Params, parameter
 from rf_pointing.core.checks import require_name
 from rf_pointing.core.dates import utc_text
+from rf_pointing.core.kinematics import LEVEL, Kinematics
 from rf_pointing.core.types import Array
 from rf_pointing.ephemeris.celestial import sun
 from rf_pointing.ephemeris.sites import SITES, Site
@@ -63,10 +64,13 @@ class SunPermit:
 
 
 class SolarDirection:
-    """Apparent azimuth and elevation of the Sun, None where it is not known; `unknown` says why."""
+    """Apparent direction of the Sun, None where it is not known; `unknown` says why.
 
-    def __init__(self, params: SunParams) -> None:
-        self.site = params.site
+    It is given in the angles of a mount's axes: azimuth and elevation unless another one is named.
+    """
+
+    def __init__(self, params: SunParams, mount: Kinematics = LEVEL) -> None:
+        self.site, self._mount = params.site, mount
         self._track = TopocentricTrack(sun(), params.site) if params.watched else None
         self.unknown = "" if params.watched else "it is not watched"
         self._renewed_s = -math.inf
@@ -95,7 +99,8 @@ class SolarDirection:
                 seen = self._track.sample(known_s)
             except ValueError:
                 return np.empty(0), np.empty((0, 2))
-            path = np.column_stack([np.unwrap(seen.azimuth_rad), seen.elevation_rad])
+            path, still = np.column_stack([np.unwrap(seen.azimuth_rad), seen.elevation_rad]), np.zeros((count, 2))
+            path = self._mount.to_axes(path, still, still)[0]
             self._path = known_s, path
         steps = np.arange(math.floor(span_s / PATH_STEP_S) + 1)
         times = np.asarray(t_s + PATH_STEP_S * steps, dtype=np.float64)
@@ -111,6 +116,6 @@ class SolarDirection:
             except ValueError as error:
                 self._direction, self.unknown = None, str(error)
             else:
-                self._direction = (look.azimuth_rad, look.elevation_rad)
+                self._direction = self._mount.axes_at(look.azimuth_rad, look.elevation_rad)
                 self.unknown = ""
         return self._direction

@@ -35,7 +35,8 @@ from rf_pointing.drives.registry import SIMULATED
 from rf_pointing.ros.antenna_server import AntennaServer
 from rf_pointing.ros.identification_server import IdentificationServer
 from rf_pointing.ros.main_loop import run
-from rf_pointing.ros.station_node import ExecutiveWatch, StationNode
+from rf_pointing.ros.station_node import StationNode
+from rf_pointing.ros.station_watches import ExecutiveWatch
 from rf_pointing.ros.topic_drive import DriveConnection
 from rf_pointing.station.antenna.drive_antenna import DriveAntenna
 from rf_pointing.station.antenna.memory import AntennaMemory

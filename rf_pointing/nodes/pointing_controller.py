@@ -25,7 +25,8 @@ from rf_pointing.ros.convert_planning import profile_from_message
 from rf_pointing.ros.graph import TEMPERATURE
 from rf_pointing.ros.main_loop import run
 from rf_pointing.ros.qos import LATCHED, STATUS, STREAM
-from rf_pointing.ros.station_node import ClockWatch, ExecutiveWatch, StationNode
+from rf_pointing.ros.station_node import StationNode
+from rf_pointing.ros.station_watches import ClockWatch, ExecutiveWatch
 from rf_pointing.ros.track_pass import TrackPassServer
 from rf_pointing.station.clients.goals import PassGoals
 from rf_pointing.station.pointing.controller import PointingController

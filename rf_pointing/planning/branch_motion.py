@@ -12,7 +12,7 @@ from functools import partial
 
 import numpy as np
 
-from rf_pointing.core.types import TURN, Array
+from rf_pointing.core.types import TURN, Array, Pair
 from rf_pointing.planning.crossing import AxisMotionLimits, Crossing, Gain, cross
 from rf_pointing.planning.limits import AxisLimits, AxisRates, MachineParams
 from rf_pointing.planning.over_the_top import cross_over, plunged, unplunged
@@ -25,9 +25,12 @@ Lag = Callable[[Array, Array, Array], Triple]
 # The lags depend on the motion and the motion on what the lags leave: a fixed point, not always
 # reached, so the rounds are bounded.
 ROUNDS = 4
+ANYWHERE = (-math.inf, math.inf)
 SLACK = 0.01
 # An elevation above its limit by less than this is the arithmetic's.
 ROUNDING_RAD = 1e-6
+# An end of travel further below the mount's equator than this bounds a keyhole, and no horizon.
+FAR_BELOW_RAD = -0.25 * math.pi
 # Lags that leave less of the axes than this are left to the loss.
 LEAST_SHARE = 0.5
 
@@ -59,13 +62,16 @@ def branch_motions(
     for plunge, motion in sides.items():
         # Over the top the whole pass lies beyond the zenith: an end of travel there rules the
         # branch out and is not a reason for a detour.
-        most_rad = math.inf if plunge else limits.elevation_max_rad
+        ends_rad = ANYWHERE
+        if not plunge:
+            low_rad = limits.elevation_min_rad
+            ends_rad = (low_rad if low_rad < FAR_BELOW_RAD else -math.inf, limits.elevation_max_rad)
         within = partial(cross, t_s, *motion, gain=gain)
-        crossing, axes = _planned(t_s, motion, motion, machine.planned, most_rad, lag, within)
+        crossing, axes = _planned(t_s, motion, motion, machine.planned, ends_rad, lag, within)
         found.append(BranchMotion(plunge, motion, crossing, axes))
-        for ends_rad in _stops(axes[:, 0], limits) if crossing is None else ():
-            stopped = partial(within_stops, t_s, *motion, ends_rad, gain)
-            crossing, axes = _planned(t_s, motion, motion, machine.planned, math.inf, lag, stopped)
+        for stops_rad in _stops(axes[:, 0], limits) if crossing is None else ():
+            stopped = partial(within_stops, t_s, *motion, stops_rad, gain)
+            crossing, axes = _planned(t_s, motion, motion, machine.planned, ANYWHERE, lag, stopped)
             if crossing is not None:
                 found.append(BranchMotion(plunge, motion, crossing, axes))
     # An axis that ends at 95 or 100 deg cannot finish a pass over the top; the branch is
@@ -74,7 +80,7 @@ def branch_motions(
     for plunge in sides if leans and any(one.crossing for one in found) else ():
         first, second = sides[plunge], sides[not plunge]
         within = partial(_over, t_s, plunge, first, second, gain)
-        crossing, axes = _planned(t_s, first, second, machine.planned, math.inf, lag, within)
+        crossing, axes = _planned(t_s, first, second, machine.planned, ANYWHERE, lag, within)
         if crossing is not None:
             found.append(BranchMotion(plunge, first, crossing, axes))
     return found
@@ -109,18 +115,22 @@ def _planned(
     first: Triple,
     second: Triple,
     most: AxisRates,
-    top_rad: float,
+    ends_rad: Pair,
     lag: Lag,
     crossing_within: Callable[[AxisMotionLimits], Crossing | None],
 ) -> tuple[Crossing | None, Array]:
     """Plan a crossing within what the lags of the mount leave of the axes' rates `most`.
 
+    `ends_rad` are the ends of the upper axis's travel that bound keyholes.
+
     Return it, and the positions (n, 2) of the axes through the whole pass.
     """
-    left, kept_rad = np.ones((2, 2)), top_rad
+    left, kept_rad = np.ones((2, 2)), ends_rad[1]
     for _ in range(ROUNDS):
         rate, acceleration = (np.array(most) * left).tolist()
-        crossing = crossing_within(AxisMotionLimits((rate[0], rate[1]), (acceleration[0], acceleration[1]), kept_rad))
+        crossing = crossing_within(
+            AxisMotionLimits((rate[0], rate[1]), (acceleration[0], acceleration[1]), kept_rad, ends_rad[0])
+        )
         beam = first if crossing is None else _joined(t_s, first, crossing, second)
         axes = [part + more for part, more in zip(beam, lag(t_s, beam[1], beam[2]), strict=True)]
         if crossing is None:
@@ -128,7 +138,7 @@ def _planned(
         inside = (t_s >= crossing.t_s[0]) & (t_s <= crossing.t_s[-1])
         needed, alone = (np.array([np.abs(part[inside]).max(axis=0) for part in motion[1:]]) for motion in (axes, beam))
         dragged = (needed > (1.0 + SLACK) * np.array(most)) & (needed > (1.0 + SLACK) * alone)
-        high_rad = float(axes[0][inside, 1].max()) - top_rad
+        high_rad = float(axes[0][inside, 1].max()) - ends_rad[1]
         if not (dragged.any() or high_rad > ROUNDING_RAD) or float(left.min()) < LEAST_SHARE:
             break
         # Only axes that the lags drag over their limits get less; the others keep theirs.

@@ -21,6 +21,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from rf_pointing.core.kinematics import LEVEL, Kinematics
 from rf_pointing.core.pass_outcome import PassOutcome
 from rf_pointing.core.types import TURN, Array, Pair
 from rf_pointing.planning.branch_motion import BranchMotion, Lag, branch_motions, no_lag
@@ -138,6 +139,8 @@ class Certificate:
     machine: MachineParams
     carrier_to_noise_db_hz: tuple[float, ...] = ()
     """Least and most that is expected with the beam on the target, () if it is not known."""
+    mount: Kinematics = LEVEL
+    """The mount whose axes the branches move, its tilt axis set for this pass."""
 
     @property
     def chosen(self) -> Branch | None:
@@ -165,12 +168,13 @@ def certify(
     lag: Lag = no_lag,
     slew: Slew | None = None,
     cost: SensorCost | None = None,
+    mount: Kinematics = LEVEL,
 ) -> Certificate:
     """Return the certificate of a pass.
 
     Parameters
     ----------
-    profile : the pass on the sky, resampled.
+    profile : the pass in the angles of the mount's axes, resampled.
     axes : position, velocity, acceleration (n, 2) of the axes that hold the beam on the target,
         azimuth continuous, by whether they are plunged; a side that is missing is not considered.
     issued_t_s, encoder_rad : now, and where the axes are.
@@ -178,6 +182,7 @@ def certify(
     lag : what the axes must lead the beam by because of how it moves.
     slew : the way to the start; without one it is straight.
     cost : what the sensor of the pass costs; without one nothing.
+    mount : what the axes are; the horizon mask is that of the sky.
 
     Raises
     ------
@@ -187,7 +192,7 @@ def certify(
     if issued_t_s >= profile.t_s[-1]:
         raise ValueError(f"the pass of {profile.name} ended {issued_t_s - float(profile.t_s[-1]):.0f} s ago")
     way = slew or (lambda start, end: (machine.slew_s(start, end), ""))
-    sky = ForbiddenSky(mask, machine.sun_radius_rad)
+    sky = ForbiddenSky(mask, machine.sun_radius_rad, mount)
     certified = _Certifier(profile, sky, issued_t_s, encoder_rad, machine, limits, gain, way, cost or SensorCost())
     branches = [
         certified.branch(motion, turns)
@@ -199,11 +204,16 @@ def certify(
         issued_t_s=issued_t_s,
         aos_t_s=float(profile.t_s[0]),
         los_t_s=float(profile.t_s[-1]),
-        sky_peak_rad=float(profile.position_rad[:, 1].max()),
-        branches=tuple(sorted(branches, key=_cost)),
+        sky_peak_rad=float(_elevations(profile.position_rad, mount).max()),
+        branches=tuple(sorted(branches, key=branch_cost)),
         machine=machine,
         carrier_to_noise_db_hz=cost.carrier_to_noise_db_hz if cost else (),
+        mount=mount,
     )
+
+
+def _elevations(axes_rad: Array, mount: Kinematics) -> Array:
+    return axes_rad[:, 1] if mount.level else mount.skies(axes_rad)[:, 1]
 
 
 def _turns(azimuth: Array, limits: AxisLimits) -> list[int]:
@@ -238,7 +248,7 @@ class _Certifier:
         first = min(int(np.searchsorted(self.profile.t_s, self.issued_t_s)), len(position) - 1)
         ahead, required = position[first:], [part[first:] for part in motion.required]
         (low, high), (bottom, top) = ((float(part.min()), float(part.max())) for part in ahead.T)
-        closest, margin = _closest(self.limits, low, high, bottom, top)
+        closest, margin = _closest(self.limits, low, high, bottom, top, self.sky.mount.axes)
         start, end = (ahead[0, 0].item(), ahead[0, 1].item()), (ahead[-1, 0].item(), ahead[-1, 1].item())
         preposition_s, barred = self.slew(self.encoder_rad, start)
         begin_s = float(self.profile.t_s[first])
@@ -341,13 +351,16 @@ def _peaks(values: Array) -> tuple[float, float]:
     return azimuth, elevation
 
 
-def _closest(limits: AxisLimits, low: float, high: float, bottom: float, top: float) -> tuple[str, float]:
+def _closest(
+    limits: AxisLimits, low: float, high: float, bottom: float, top: float, names: tuple[str, str]
+) -> tuple[str, float]:
     """Return the limit that the motion comes nearest to, and the margin (negative: past it)."""
+    (left, down), (right, up) = limits.lowest_rad, limits.highest_rad
     margins = {
-        f"azimuth {math.degrees(limits.azimuth_min_rad):.1f} deg": low - limits.azimuth_min_rad,
-        f"azimuth {math.degrees(limits.azimuth_max_rad):.1f} deg": limits.azimuth_max_rad - high,
-        f"elevation {math.degrees(limits.elevation_min_rad):.1f} deg": bottom - limits.elevation_min_rad,
-        f"elevation {math.degrees(limits.elevation_max_rad):.1f} deg": limits.elevation_max_rad - top,
+        f"{names[0]} {math.degrees(left):.1f} deg": low - left,
+        f"{names[0]} {math.degrees(right):.1f} deg": right - high,
+        f"{names[1]} {math.degrees(down):.1f} deg": bottom - down,
+        f"{names[1]} {math.degrees(up):.1f} deg": up - top,
     }
     name = min(margins, key=lambda key: margins[key])
     return name, margins[name]
@@ -366,9 +379,11 @@ def _reasons_against(closest: str, margin: float, above: float, sun: float, mach
     return tuple(found)
 
 
-def _cost(branch: Branch) -> tuple[object, ...]:
-    """Order: works; least past a limit, fewest reasons; least signal lost, to 0.1 s; then the least
-    time to get there and to unwind.
+def branch_cost(branch: Branch) -> tuple[object, ...]:
+    """Return the order of branches.
+
+    It works; least past a limit, fewest reasons; least signal lost, to 0.1 s; then the least time
+    to get there and to unwind.
     """
     distance = max(0.0, -branch.limit_margin_rad)
     return (

@@ -8,14 +8,10 @@ from rf_pointing.core import to_degrees
 from rf_pointing.core.pass_outcome import SIDELOBE_DB
 from rf_pointing.planning.certificate import Branch, Certificate
 
-COLUMNS = (
-    f"  {'branch':<17}{'azimuth deg':>17}{'elevation deg':>16}{'rate az el deg/s':>18}{'closest limit':>35}"
-    f"{'mask':>7}{'Sun':>7}{'keyhole':>9}{'lost':>8}{'slew':>7}{'unwind':>8}"
-)
 # From here on fresh elements are worth a word.
 WORTH_S, WORTH_DB = 5.0, 0.2
 # What is left out or, `reasons`, goes under the name that it has in the file and on the wire.
-NOT_PLAIN = ("crossing", "axes_rad", "branches", "machine", "reasons")
+NOT_PLAIN = ("crossing", "axes_rad", "branches", "machine", "mount", "reasons")
 
 
 def certificate_lines(certificate: Certificate) -> list[str]:
@@ -25,7 +21,17 @@ def certificate_lines(certificate: Certificate) -> list[str]:
         f"machine: {_pair(rate)} deg/s, {_pair(acceleration)} deg/s^2; "
         f"sky peak {math.degrees(certificate.sky_peak_rad):.2f} deg"
     )
-    lines = [f"certificate of {certificate.name}: {machine}", COLUMNS]
+    mount, names = certificate.mount, [name.replace("_", " ") for name in certificate.mount.axes]
+    if not mount.level:
+        machine += f"; mount {mount.type}" + (
+            f" leaning to {math.degrees(mount.train_rad):.0f} deg" * bool(mount.tilt_rad)
+        )
+    rates = f"rate {names[0][:2]} {names[1][:2]} deg/s"
+    columns = (
+        f"  {'branch':<17}{f'{names[0]} deg':>17}{f'{names[1]} deg':>16}{rates:>18}{'closest limit':>35}"
+        f"{'mask':>7}{'Sun':>7}{'keyhole':>9}{'lost':>8}{'slew':>7}{'unwind':>8}"
+    )
+    lines = [f"certificate of {certificate.name}: {machine}", columns]
     for branch in certificate.branches:
         mark = ">" if branch is certificate.chosen else " " if branch.works else "x"
         lines.append(f"{mark} {_row(branch)}")
@@ -33,7 +39,7 @@ def certificate_lines(certificate: Certificate) -> list[str]:
     chosen = certificate.chosen
     if chosen is None:
         return [*lines, f"REFUSED: {certificate.reason}"]
-    verdict = f"taken: {chosen.label}, start at azimuth {math.degrees(chosen.start_rad[0]):.1f} deg"
+    verdict = f"taken: {chosen.label}, start at {names[0]} {math.degrees(chosen.start_rad[0]):.1f} deg"
     if chosen.keyhole_s > 0.0:
         deep = "more than " if chosen.peak_loss_db >= SIDELOBE_DB else ""
         stop = chosen.crossing is not None and chosen.crossing.at_stop
@@ -42,6 +48,8 @@ def certificate_lines(certificate: Certificate) -> list[str]:
             if chosen.turned
             else "waits at the stop"
             if stop
+            else "crosses the keyhole at its limits"
+            if not mount.level
             else "crosses the zenith at its limits"
         )
         verdict += (
@@ -85,6 +93,8 @@ def certificate_values(certificate: Certificate) -> dict[str, Any]:
         for branch in certificate.branches
     ]
     values["machine"] = _plain(certificate.machine)
+    if not certificate.mount.level:
+        values["mount"] = _plain(certificate.mount)
     return values
 
 
@@ -100,7 +110,7 @@ def _row(branch: Branch) -> str:
     limit = f"{math.degrees(branch.limit_margin_rad):.2f} deg to {branch.closest_limit}"
     return (
         f"{branch.label:<17}{f'{low:.1f} to {high:.1f}':>17}{f'{bottom:.1f} to {top:.1f}':>16}"
-        f"{_pair(branch.peak_rate_rad_s):>18}{limit:>35}"
+        f"{_pair(branch.peak_rate_rad_s):>18} {limit:>34}"
         f"{math.degrees(branch.mask_margin_rad):>7.2f}{math.degrees(branch.sun_margin_rad):>7.1f}"
         f"{branch.keyhole_s:>7.1f} s{branch.lost_s:>6.1f} s{branch.preposition_s:>5.0f} s{branch.unwind_s:>6.0f} s"
     )

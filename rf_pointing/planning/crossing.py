@@ -1,10 +1,11 @@
 """Crossing the zenith with an azimuth axis that is too slow for it, and what the crossing costs.
 
 An azimuth-elevation mount sees a pass near the zenith turn its azimuth by half a turn faster than
-the axis can.  Clipping the rate makes the beam lag through the whole crossing and far beyond.  The
-best motion follows the target, leaves it early at full acceleration and rate, lets it overtake, and
-comes back onto it at the limits: follow - bang - follow, the structure that the maximum principle
-gives for a loss that grows with the error.  With departure (t_a, az_a, v_a) the return t_b solves
+the axis can; any other mount its lower axis, at either end of its pole.  Clipping the rate makes
+the beam lag through the whole crossing and far beyond.  The best motion follows the target, leaves
+it early at full acceleration and rate, lets it overtake, and comes back onto it at the limits:
+follow - bang - follow, the structure that the maximum principle gives for a loss that grows with
+the error.  With departure (t_a, az_a, v_a) the return t_b solves
 
     az_a + V (t_b - t_a) - (V - v_a)^2 / 2A - (V - v_b)^2 / 2A = az(t_b)
 
@@ -13,14 +14,15 @@ elevation axis helps: for an azimuth error D the nearest elevation to a target a
 atan2(sin e, cos e cos D).
 """
 
+import itertools
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from rf_pointing.core.pass_outcome import HALF_POWER, SIDELOBE_POWER, pointing_loss_db
-from rf_pointing.core.types import Array
+from rf_pointing.core.types import Array, BoolArray
 from rf_pointing.planning.forbidden_sky import angle_between
 
 # Power received relative to the beam's peak at angles (n,) from its axis.
@@ -48,6 +50,8 @@ class AxisMotionLimits:
     rate_rad_s: tuple[float, float]
     acceleration_rad_s2: tuple[float, float]
     elevation_max_rad: float
+    elevation_min_rad: float = -math.inf
+    """Lowest one where it bounds a keyhole, as on an axis that swings to either side."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,15 +82,59 @@ def cross(
 ) -> Crossing | None:
     """Return the crossing of least loss of a path (n, 2) at even times, None when none is needed.
 
-    The path is as the axes would have to move, azimuth continuous.
+    The path is as the axes would have to move, azimuth continuous.  Where it comes near the pole
+    below as well as that above, both crossings are one, on the target in between.
     """
     rate, limit = limits.rate_rad_s[0], limits.acceleration_rad_s2[0]
     # Rate and acceleration count apart: either may exceed its limit where the other does not.
     fast = (np.abs(velocity[:, 0]) > rate) | (np.abs(acceleration[:, 0]) > limit)
-    high = position[:, 1] > limits.elevation_max_rad
-    if not fast.any() and not high.any():
+    off = fast | (position[:, 1] > limits.elevation_max_rad) | (position[:, 1] < limits.elevation_min_rad)
+    rows = np.flatnonzero(off)
+    if len(rows) == 0:
         return None
-    inside = np.flatnonzero(fast | high)
+    swaps = np.flatnonzero(np.diff(position[rows, 1] < 0.0))
+    cuts = [0, *((rows[swaps] + rows[swaps + 1]) // 2).tolist(), len(t_s)]
+    found = []
+    for first, end in itertools.pairwise(cuts):
+        part = slice(first, end)
+        below = bool(position[rows[(rows >= first) & (rows < end)][0], 1] < 0.0)
+        # The pole below is that above, seen in a mirror.
+        mirror = np.array([1.0, -1.0 if below else 1.0])
+        seen = replace(limits, elevation_max_rad=-limits.elevation_min_rad) if below else limits
+        path = (position[part] * mirror, velocity[part] * mirror, acceleration[part] * mirror)
+        one = _cross_above(t_s[part], *path, fast[part], seen, gain)
+        found.append(_mirrored(one, mirror) if below else one)
+    return found[0] if len(found) == 1 else _joined(t_s, (position, velocity, acceleration), found)
+
+
+def _mirrored(found: Crossing, mirror: Array) -> Crossing:
+    position, velocity, acceleration = found.position_rad, found.velocity_rad_s, found.acceleration_rad_s2
+    return replace(
+        found, position_rad=position * mirror, velocity_rad_s=velocity * mirror,
+        acceleration_rad_s2=acceleration * mirror,
+    )  # fmt: skip
+
+
+def _joined(t_s: Array, path: tuple[Array, Array, Array], found: list[Crossing]) -> Crossing:
+    """Return crossings in order of their times as one, the path itself in between."""
+    first, end = (int(np.searchsorted(t_s, at)) for at in (found[0].t_s[0], found[-1].t_s[-1]))
+    rows, error = [each.copy() for each in path], np.zeros(len(t_s))
+    for each in found:
+        begin = int(np.searchsorted(t_s, each.t_s[0]))
+        part = slice(begin, begin + len(each.t_s))
+        for row, own in zip(rows, (each.position_rad, each.velocity_rad_s, each.acceleration_rad_s2), strict=True):
+            row[part] = own
+        error[part] = each.error_rad
+    whole = slice(first, end + 1)
+    return Crossing(t_s[whole], rows[0][whole], rows[1][whole], rows[2][whole], error[whole])
+
+
+def _cross_above(
+    t_s: Array, position: Array, velocity: Array, acceleration: Array, fast: BoolArray, limits: AxisMotionLimits,
+    gain: Gain,
+) -> Crossing:  # fmt: skip
+    """Return the crossing of a path past the pole above; `fast` (n,) is where it exceeds limits."""
+    inside = np.flatnonzero(fast | (position[:, 1] > limits.elevation_max_rad))
     first, last = int(inside[0]), int(inside[-1])
     step_s = float(t_s[1] - t_s[0])
     path = _Path(t_s, position, velocity, limits, math.copysign(1.0, position[last, 0] - position[first, 0]))

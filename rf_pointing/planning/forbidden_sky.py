@@ -1,13 +1,15 @@
 """Where the antenna must not look although its axes could: below the horizon mask and near the Sun.
 
-Over the top (elevation above 90 deg) the other side of the horizon counts.  Single directions are
-plain floats, for a control tick; whole paths are arrays.
+Directions are angles of the mount's axes, the Sun's too; the horizon is that of the sky.  Over the
+top (elevation above 90 deg) the other side of the horizon counts.  Single directions are plain
+floats, for a control tick; whole paths are arrays.
 """
 
 import math
 
 import numpy as np
 
+from rf_pointing.core.kinematics import LEVEL, Kinematics
 from rf_pointing.core.types import TURN, Array, Pair
 from rf_pointing.planning.horizon import HorizonMask
 
@@ -49,14 +51,14 @@ def _refined(lines: Array, azimuths: Array, step_rad: float) -> Array:
 class ForbiddenSky:
     """A horizon mask, and a circle about the Sun of `sun_radius_rad` (0: none)."""
 
-    def __init__(self, mask: HorizonMask, sun_radius_rad: float) -> None:
-        self.mask, self.sun_radius_rad = mask, sun_radius_rad
+    def __init__(self, mask: HorizonMask, sun_radius_rad: float, mount: Kinematics = LEVEL) -> None:
+        self.mask, self.sun_radius_rad, self.mount = mask, sun_radius_rad, mount
         self._highest_rad = max(mask.elevation_rad)
 
     def clear(self, low_rad: float, high_rad: float, sun: Pair | None, margin_rad: float = 0.0) -> bool:
         """Return whether nothing is forbidden between these elevations, whatever the azimuth."""
         # Most of the sky costs a tick 9 us this way instead of 33.
-        if low_rad < self._highest_rad or high_rad > 0.5 * math.pi:
+        if low_rad < self._highest_rad or high_rad > 0.5 * math.pi or not self.mount.level:
             return False
         radius = self.sun_radius_rad + margin_rad
         return sun is None or low_rad > sun[1] + radius or high_rad < sun[1] - radius
@@ -67,6 +69,8 @@ class ForbiddenSky:
         """Return "" or why a direction is forbidden; a motion out of a zone is always allowed."""
         under = self.under_mask(azimuth, elevation)
         if under > tolerance_rad and (present is None or under > self.under_mask(*present) + ROUNDING_RAD):
+            if not self.mount.level:
+                azimuth, elevation = self.mount.sky_at(azimuth, elevation)
             return self._below(azimuth, elevation, under)
         # Two directions are never nearer than their elevations: this spares most ticks a sine.
         if sun is None or (abs(elevation - sun[1]) > self.sun_radius_rad and elevation < 0.5 * math.pi):
@@ -96,12 +100,19 @@ class ForbiddenSky:
         kept = self.sun_radius_rad + margin_rad
         if high < 0.5 * math.pi and sun is not None and not low - kept < sun[1] < high + kept:
             sun = None
-        lines = _refined(lines, self._azimuths_of(lines), math.inf if sun is None else STEP_RAD)
-        under = self.under_mask_all(lines)
+        if self.mount.level:
+            seen = lines = _refined(lines, self._azimuths_of(lines), math.inf if sun is None else STEP_RAD)
+        else:
+            lines = _refined(lines, np.empty(0), STEP_RAD)
+            # On the sky the short chords are nearly straight too, and the horizon bends there.
+            seen = self.mount.skies(lines)
+            seen[..., 0] = np.unwrap(seen[..., 0], axis=1)
+            seen = _refined(seen, self._azimuths_of(seen), math.inf)
+        under = self._under_horizon(seen)
         past = under - np.maximum(np.minimum.accumulate(under[0]), 0.0)
         worst = np.unravel_index(int(np.argmax(past)), past.shape)
         if past[worst] > ROUNDING_RAD:
-            azimuth, elevation = lines[worst].tolist()
+            azimuth, elevation = seen[worst].tolist()
             return self._below(azimuth, elevation, float(under[worst]))
         if sun is None or self.sun_radius_rad == 0.0:
             return ""
@@ -130,7 +141,9 @@ class ForbiddenSky:
 
     def under_mask(self, azimuth: float, elevation: float) -> float:
         """Return how far a direction is below the horizon, negative above it."""
-        if elevation > 0.5 * math.pi:
+        if not self.mount.level:
+            azimuth, elevation = self.mount.sky_at(azimuth, elevation)
+        elif elevation > 0.5 * math.pi:
             azimuth, elevation = azimuth + math.pi, math.pi - elevation
         return self.mask.lowest_rad(azimuth) - elevation
 
@@ -143,6 +156,29 @@ class ForbiddenSky:
 
     def under_mask_all(self, points: Array) -> Array:
         """Return how far directions (..., 2) are below the horizon (...), negative above it."""
+        return self._under_horizon(points if self.mount.level else self.mount.skies(points))
+
+    def free_heights(self, azimuths: Array, low_rad: float, high_rad: float) -> Array:
+        """Return the horizon at azimuths (n,) of the axes on both sides, the other over the top.
+
+        The rows (2, n) are the lowest free elevation, and the highest one short of 180 deg.
+        """
+        if self.mount.level:
+            return self.mask.lowest_all(np.stack([azimuths, azimuths + math.pi]))
+        # The longest free piece of each circle about the lower axis: with a horizon that is nearly
+        # flat there is only one.
+        heights = np.linspace(low_rad, high_rad, max(2, math.ceil((high_rad - low_rad) / STEP_RAD) + 1))
+        grid = np.stack(np.broadcast_arrays(azimuths[:, None], heights), axis=-1)
+        barred = np.pad(self.under_mask_all(grid) > 0.0, ((0, 0), (1, 1)), constant_values=True)
+        found = np.full((2, len(azimuths)), math.pi)
+        for row, column in enumerate(barred):
+            ends = np.flatnonzero(np.diff(column.astype(np.int8)))
+            if len(ends):
+                longest = int(np.argmax(ends[1::2] - ends[::2]))
+                found[:, row] = heights[ends[2 * longest]], math.pi - heights[ends[2 * longest + 1] - 1]
+        return found
+
+    def _under_horizon(self, points: Array) -> Array:
         azimuth, elevation = points[..., 0], points[..., 1]
         over = elevation > 0.5 * math.pi
         low = np.where(over, math.pi - elevation, elevation)

@@ -10,7 +10,8 @@ ends.
 import math
 from dataclasses import dataclass
 
-from rf_pointing.core import AXES, Params, parameter, require_choice, require_finite
+from rf_pointing.core import Params, parameter, require_choice, require_finite
+from rf_pointing.core.kinematics import LEVEL, Kinematics
 from rf_pointing.core.types import Array, Pair
 from rf_pointing.planning.forbidden_sky import ForbiddenSky
 from rf_pointing.planning.horizon import HorizonMask
@@ -69,12 +70,17 @@ def motion_between(encoder_rad: Pair, goal_rad: Pair) -> str:
 
 
 class Gate:
-    """Limits, horizon and Sun of one antenna whose axes move at `axes`' rates."""
+    """Limits, horizon and Sun of one antenna whose axes move at `axes`' rates.
 
-    def __init__(self, params: GateParams, limits: AxisLimits, mask: HorizonMask, axes: AxisRates) -> None:
-        self.params, self.limits, self.mask, self.axes = params, limits, mask, axes
+    All directions are angles of the axes of its `mount`, those of the Sun too.
+    """
+
+    def __init__(
+        self, params: GateParams, limits: AxisLimits, mask: HorizonMask, axes: AxisRates, mount: Kinematics = LEVEL
+    ) -> None:
+        self.params, self.limits, self.mask, self.axes, self.mount = params, limits, mask, axes, mount
         self._low, self._high = limits.lowest_rad, limits.highest_rad
-        self._sky = ForbiddenSky(mask, params.sun_radius_rad)
+        self._sky = ForbiddenSky(mask, params.sun_radius_rad, mount)
         self._paths = PathFinder(self._sky, axes, (self._low, self._high))
 
     def check(
@@ -138,9 +144,9 @@ class Gate:
         tolerance_rad: float = 0.0,
     ) -> str:
         """Return "" when the position may be commanded, else the reason; plain floats."""
-        return self.limits.reason(azimuth_rad, elevation_rad, encoder_rad, tolerance_rad) or self._sky.reason(
-            azimuth_rad, elevation_rad, encoder_rad, sun_rad, tolerance_rad
-        )
+        return self.limits.reason(
+            azimuth_rad, elevation_rad, encoder_rad, tolerance_rad, self.mount.axes
+        ) or self._sky.reason(azimuth_rad, elevation_rad, encoder_rad, sun_rad, tolerance_rad)
 
     def guard(self, kind: str, encoder_rad: Pair, next_rad: Pair, rate_rad_s: Pair, sun_rad: Pair | None = None) -> str:
         """Return "" or what axes at `next_rad` after this tick, at these rates, would run into.
@@ -175,7 +181,7 @@ class Gate:
                 near = (
                     f"{math.degrees(left):.2f} deg inside" if left >= 0.0 else f"{-math.degrees(left):.2f} deg beyond"
                 )
-                return f"{AXES[axis]} {near} its limit"
+                return f"{self.mount.axes[axis]} {near} its limit"
         return ""
 
     def hard(self, joint_rad: Pair, rate_rad_s: Pair, released_rad: Pair | None = None) -> str:
@@ -188,6 +194,7 @@ class Gate:
         if low - hard_rad <= joint_rad[0] <= high + hard_rad and bottom - hard_rad <= joint_rad[1] <= top + hard_rad:
             return ""
         for axis, (angle, rate) in enumerate(zip(joint_rad, rate_rad_s, strict=True)):
+            name = self.mount.axes[axis]
             low, high = self._low[axis] - hard_rad, self._high[axis] + hard_rad
             # Brakes that let go beyond a limit would otherwise trip on the swing they cause.
             if released_rad is not None:
@@ -195,7 +202,7 @@ class Gate:
             if (angle > high and rate > 0.0) or (angle < low and rate < 0.0):
                 bound = high if angle > high else low
                 return (
-                    f"{AXES[axis]} {math.degrees(angle):.3f} deg is {math.degrees(abs(angle - bound)):.3f} deg past the "
+                    f"{name} {math.degrees(angle):.3f} deg is {math.degrees(abs(angle - bound)):.3f} deg past the "
                     f"hard limit {math.degrees(bound):.3f} deg"
                 )
         return ""
@@ -204,9 +211,11 @@ class Gate:
         """Return "" or how far inside its zone the Sun is; plain floats."""
         return self._sky.near_sun(azimuth_rad, elevation_rad, sun_rad)
 
-    def too_low_to_send(self, elevation_rad: float) -> str:
-        """Return "" when the transmitter may be on at this elevation, else why not."""
+    def too_low_to_send(self, first_rad: float, elevation_rad: float) -> str:
+        """Return "" when the transmitter may be on at these angles of the axes, else why not."""
         lowest = self.params.transmit_elevation_rad
+        if not self.mount.level:
+            elevation_rad = self.mount.sky_at(first_rad, elevation_rad)[1]
         # Over the top the horizon is as near as on this side.
         over = min(elevation_rad, math.pi - elevation_rad)
         if over >= lowest:
@@ -228,16 +237,16 @@ class Gate:
     def _rates(self, azimuth: float, elevation: float, rates: list[float], encoder_rad: Pair) -> str:
         """Return why a rate is too fast for the axis, or to stop in time: v^2 <= 2 a d."""
         for axis, (angle, rate) in enumerate(zip((azimuth, elevation), rates, strict=True)):
-            limit = self.axes.rate_rad_s[axis]
+            limit, name = self.axes.rate_rad_s[axis], self.mount.axes[axis]
             if abs(rate) > limit:
                 fast, most = math.degrees(rate), math.degrees(limit)
-                return f"{AXES[axis]} rate {fast:.3f} deg/s exceeds the axis limit {most:.3f} deg/s"
+                return f"{name} rate {fast:.3f} deg/s exceeds the axis limit {most:.3f} deg/s"
             bound = max(self._high[axis], encoder_rad[axis]) if rate > 0.0 else min(self._low[axis], encoder_rad[axis])
             needed = rate**2 / (2.0 * self.axes.acceleration_rad_s2[axis])
             left = abs(bound - angle)
             if needed > left + ROUNDING_RAD:
                 return (
-                    f"{AXES[axis]} rate {math.degrees(rate):.3f} deg/s needs {math.degrees(needed):.3f} deg to stop, "
+                    f"{name} rate {math.degrees(rate):.3f} deg/s needs {math.degrees(needed):.3f} deg to stop, "
                     f"{math.degrees(left):.3f} deg are left to the limit {math.degrees(bound):.3f} deg"
                 )
         return ""

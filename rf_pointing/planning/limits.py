@@ -21,8 +21,8 @@ class AxisLimits(Params):
 
     azimuth_min_rad: float = parameter(math.radians(-220.0), "smallest azimuth", low=-20.0, high=20.0)
     azimuth_max_rad: float = parameter(math.radians(220.0), "largest azimuth", low=-20.0, high=20.0)
-    elevation_min_rad: float = parameter(math.radians(4.0), "smallest elevation", low=-0.2, high=3.2)
-    elevation_max_rad: float = parameter(math.radians(89.5), "largest elevation", low=-0.2, high=3.4)
+    elevation_min_rad: float = parameter(math.radians(4.0), "smallest elevation", low=-3.4, high=3.2)
+    elevation_max_rad: float = parameter(math.radians(89.5), "largest elevation", low=-3.4, high=3.4)
 
     def check_together(self) -> None:
         """Refuse an empty travel."""
@@ -46,8 +46,9 @@ class AxisLimits(Params):
         return self.azimuth_max_rad, self.elevation_max_rad
 
     def reason(
-        self, azimuth_rad: float, elevation_rad: float, encoder_rad: Pair | None = None, tolerance_rad: float = 0.0
-    ) -> str:
+        self, azimuth_rad: float, elevation_rad: float, encoder_rad: Pair | None = None, tolerance_rad: float = 0.0,
+        names: tuple[str, str] = AXES,
+    ) -> str:  # fmt: skip
         """Return "" when the position may be commanded, else which limit it breaks and by how much.
 
         An axis that is itself outside, by `encoder_rad`, may be commanded anywhere not further out.
@@ -58,10 +59,10 @@ class AxisLimits(Params):
                 # An axis a hair outside, by rounding or a swing, must not deadlock every motion.
                 low, high = min(low, encoder_rad[axis]), max(high, encoder_rad[axis])
             if not low - tolerance_rad <= wanted <= high + tolerance_rad:
-                require_finite(AXES[axis], wanted)
+                require_finite(names[axis], wanted)
                 bound, past = (low, low - wanted) if wanted < low else (high, wanted - high)
                 return (
-                    f"{AXES[axis]} {math.degrees(wanted):.3f} deg is {math.degrees(past):.3f} deg "
+                    f"{names[axis]} {math.degrees(wanted):.3f} deg is {math.degrees(past):.3f} deg "
                     f"past the limit {math.degrees(bound):.3f} deg"
                 )
         return ""

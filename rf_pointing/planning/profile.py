@@ -11,6 +11,7 @@ import numpy as np
 
 from rf_pointing.core import angular_distance_rad, as_finite_array, unit_vector_from_azel
 from rf_pointing.core.hermite import quintic_coefficients
+from rf_pointing.core.kinematics import Kinematics, motion_of_vectors, vectors_of_motion
 from rf_pointing.core.types import Array
 
 STEP_S = 0.1
@@ -55,6 +56,21 @@ class PassProfile:
         """Time from the first row to the last."""
         return float(self.t_s[-1] - self.t_s[0])
 
+    @property
+    def _motion(self) -> tuple[Array, Array, Array]:
+        return self.position_rad, self.velocity_rad_s, self.acceleration_rad_s2
+
+    def on(self, mount: Kinematics) -> "PassProfile":
+        """Return the pass, on the sky by now, in the angles of a mount's axes."""
+        if mount.level:
+            return self
+        position, velocity, acceleration = mount.to_axes(*self._motion)
+        still = np.zeros_like(self.sun_rad)
+        return replace(
+            self, position_rad=position, velocity_rad_s=velocity, acceleration_rad_s2=acceleration,
+            sun_rad=mount.to_axes(self.sun_rad, still, still)[0],
+        )  # fmt: skip
+
     def resampled(self) -> "PassProfile":
         """Return the same pass at even steps of at most `STEP_S`, both ends included.
 
@@ -69,8 +85,8 @@ class PassProfile:
         return self._at(np.concatenate([[start_s], inner, [end_s]]))
 
     def _at(self, times: Array) -> "PassProfile":
-        motion = _interpolated(times, self.t_s, self._vectors())
-        position, velocity, acceleration = _angles(*motion)
+        motion = _interpolated(times, self.t_s, vectors_of_motion(*self._motion))
+        position, velocity, acceleration = motion_of_vectors(*motion)
         turn = 2.0 * np.pi
         # The refined azimuth starts on the turn of the table, wherever arctan2 puts it.
         azimuth = np.unwrap(position[:, 0])
@@ -94,24 +110,6 @@ class PassProfile:
         """Return the angle (n,) between target and Sun."""
         return angular_distance_rad(*self.position_rad.T, *self.sun_rad.T)
 
-    def _vectors(self) -> tuple[Array, Array, Array]:
-        """Return the unit vector (n, 3) of the direction with its first two derivatives."""
-        (sa, sh), (ca, ch) = np.sin(self.position_rad).T, np.cos(self.position_rad).T
-        w, v = self.velocity_rad_s.T
-        dw, dv = self.acceleration_rad_s2.T
-        east, north = sa * ch, ca * ch
-        u = np.stack([east, north, sh], axis=1)
-        du = np.stack([w * north - v * sa * sh, -w * east - v * ca * sh, v * ch], axis=1)
-        ddu = np.stack(
-            [
-                dw * north - w**2 * east - 2.0 * w * v * ca * sh - dv * sa * sh - v**2 * east,
-                -dw * east - w**2 * north + 2.0 * w * v * sa * sh - dv * ca * sh - v**2 * north,
-                dv * ch - v**2 * sh,
-            ],
-            axis=1,
-        )
-        return u, du, ddu
-
 
 def _interpolated(times: Array, knots: Array, motion: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
     """Return the quintic through the knots' motion (n, 3) at `times`, with its derivatives."""
@@ -125,20 +123,3 @@ def _interpolated(times: Array, knots: Array, motion: tuple[Array, Array, Array]
         v0 + t * (a0 + t * (3.0 * c3 + t * (4.0 * c4 + t * 5.0 * c5))),
         a0 + t * (6.0 * c3 + t * (12.0 * c4 + t * 20.0 * c5)),
     )
-
-
-def _angles(u: Array, du: Array, ddu: Array) -> tuple[Array, Array, Array]:
-    """Return azimuth and elevation (n, 2) of a moving vector, their rates and accelerations."""
-    (x, y, z), (dx, dy, dz), (ddx, ddy, ddz) = u.T, du.T, ddu.T
-    # At the zenith itself azimuth is undefined; a nanoradian keeps its rates finite.
-    level2 = np.maximum(x**2 + y**2, 1e-18)
-    level = np.sqrt(level2)
-    azimuth, elevation = np.arctan2(x, y), np.arctan2(z, level)
-    w = (y * dx - x * dy) / level2
-    dlevel = (x * dx + y * dy) / level
-    dw = (y * ddx - x * ddy) / level2 - 2.0 * w * dlevel / level
-    ddlevel = (dx**2 + dy**2 + x * ddx + y * ddy - dlevel**2) / level
-    r2 = level2 + z**2
-    v = (level * dz - z * dlevel) / r2
-    dv = (level * ddz - z * ddlevel) / r2 - 2.0 * v * (level * dlevel + z * dz) / r2
-    return np.column_stack([azimuth, elevation]), np.column_stack([w, v]), np.column_stack([dw, dv])

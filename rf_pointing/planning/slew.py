@@ -191,9 +191,12 @@ class PathFinder:
     def _over_heights(self, start: Pair, end: Pair, sun: Pair | None) -> Iterator[tuple[float, list[Pair]]]:
         """Return times and corners of paths that turn over hills, above or below the Sun."""
         west, east = sorted((start[0], end[0]))
-        between = np.concatenate([self._sky.mask_azimuths(west, east, over=True), [west, east]])
-        front, back = (float(np.max(self._sky.mask.lowest_all(between + turn))) for turn in (0.0, math.pi))
-        low, high = max(self._travel[0][1], front), min(self._travel[1][1], math.pi - back)
+        low, high = self._travel[0][1], self._travel[1][1]
+        front = low - CLEARANCE_RAD
+        if self._sky.mount.level:
+            between = np.concatenate([self._sky.mask_azimuths(west, east, over=True), [west, east]])
+            front, back = (float(np.max(self._sky.mask.lowest_all(between + turn))) for turn in (0.0, math.pi))
+            low, high = max(low, front), min(high, math.pi - back)
         heights = [start[1], end[1], front + CLEARANCE_RAD]
         if sun is not None:
             beyond = self._sky.sun_radius_rad + 2.0 * CLEARANCE_RAD
@@ -269,11 +272,11 @@ class _FreeColumns:
         sky, ((west, low), (east, high)) = paths._sky, paths._travel
         west, east = min(west, start[0], end[0]), max(east, start[0], end[0])
         even = np.linspace(west, east, math.ceil((east - west) / COLUMN_RAD) + 1)
-        points = sky.mask_azimuths(west, east, over=True)
+        points = sky.mask_azimuths(west, east, over=True) if sky.mount.level else np.empty(0)
         self._edges = edges = np.unique(np.concatenate([even, points, [start[0], end[0]]]))
         # Between two edges the horizon is straight: its highest is at one of them.  What a corner
         # may cut off belongs to a column too.
-        horizon = sky.mask.lowest_all(np.stack([edges, edges + math.pi]))
+        horizon = sky.free_heights(edges, low, high)
         highest = _widest(edges, np.maximum(horizon[:, :-1], horizon[:, 1:])) + CLEARANCE_RAD
         bottom, top = np.maximum(highest[0], low), np.minimum(math.pi - highest[1], high)
         below, above = self._about_sun(duration_s)

@@ -84,13 +84,13 @@ def _draw_wrap(axes: Any, planned: list[PlannedPass], limits: AxisLimits) -> Non
         else:
             direct = np.degrees(item.profile.position_rad[:, 0])
             axes.plot(minutes, direct, color=_colour(number), lw=1.0, ls=":")
-    axes.set_ylabel("axis azimuth, deg")
+    axes.set_ylabel(f"axis {planned[0].certificate.mount.axes[0].replace('_', ' ')}, deg")
     _label_passes(axes, planned)
 
 
 def _draw_rates(axes: Any, planned: list[PlannedPass]) -> None:
     """Draw the rates of the target, thin, and of the axes, thick, against the machine's."""
-    labels = ["azimuth", "elevation"]
+    labels = [name.replace("_", " ") for name in planned[0].certificate.mount.axes]
     for start, item in _in_a_row(planned):
         minutes = start + (item.profile.t_s - item.profile.t_s[0]) / 60.0
         wanted = np.degrees(np.abs(item.profile.velocity_rad_s))

@@ -47,6 +47,7 @@ class RecordedCase:
             raise ValueError(f"{path} holds no {missing}: nothing tells where the antenna was")
         self.simulated = bool(self.signals.of("sim/pointing_error"))
         self.description = self._description(station)
+        self.description.require_mount("replay")
         self.band = recorded.recording.notes.get("band") or self.description.default_band
         self.wind = ""
         self._wind: Callable[[WindParams], RecordedWind] | None = None

@@ -29,7 +29,7 @@ _scheduled_to_message, _scheduled_from_message = pair(
     element_age_s=None,
 )
 _certificate_to_message, _certificate_from_message = pair(
-    Certificate, ours.PassCertificate, name="target", issued_t_s=None, branches=None, machine=None
+    Certificate, ours.PassCertificate, name="target", issued_t_s=None, branches=None, machine=None, mount=None
 )
 # What is known of the target is in the certificate's file and text, not on the wire.
 _NOT_SENT = ("crossing", "axes_rad", "held_s", "held_90_s", "loss_90_db", "fresh_held_90_s", "fresh_loss_90_db",

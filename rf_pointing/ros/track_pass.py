@@ -27,7 +27,8 @@ from rf_pointing.ros.qos import IN_USE, LATCHED, STREAM
 from rf_pointing.ros.repeated_call import RepeatedCall
 from rf_pointing.ros.signed_commands import CommandSender
 from rf_pointing.ros.stamps import stamp_from_seconds
-from rf_pointing.ros.station_node import StationCensus, StationInUse
+from rf_pointing.ros.station_node import StationInUse
+from rf_pointing.ros.station_watches import StationCensus
 from rf_pointing.station.clients.goals import PassGoal, PassGoals
 from rf_pointing.station.parameters import CommandKeyParams
 from rf_pointing.station.pointing.status import TrackingStatus

@@ -28,6 +28,7 @@ from rf_pointing.station.antenna.drive_antenna import DriveAntenna
 from rf_pointing.station.antenna.radio import SampledReceiver, SimulatedRadio, seeded
 from rf_pointing.station.antenna.receiver import Reception, SimulatedReceiver
 from rf_pointing.station.antenna.simulated_antenna import AntennaParams, SimulatedAntenna, SimulatedHardware
+from rf_pointing.station.derive.axes import kinematics_of
 from rf_pointing.station.description import DEFAULT_STATION, StationDescription, read_station
 from rf_pointing.station.description.description import require_known
 from rf_pointing.station.pointing.certificates import pass_profile
@@ -115,6 +116,7 @@ class StationSetup:
     ) -> None:
         load_trackers()
         self.station = station if isinstance(station, StationDescription) else read_station(station)
+        self.station.require_mount("simulate")
         self.band = self.station.default_band if band is None else band
         self._tracker, self.array, self._wind, self._truth = tracker, array, wind, truth
         self.changes: dict[str, dict[str, object]] = defaultdict(dict)
@@ -165,7 +167,7 @@ class StationSetup:
         sets = self.sets("rf_receiver")
         signal, real = sets["signal"], self._truth or load_track(sets["source"])
         if self.station.receiver not in SAMPLED:
-            return SimulatedReceiver(signal, real)
+            return SimulatedReceiver(signal, real, kinematics_of(self.station.content))
         radio = seeded(self.sets("signal_source")["sdr"], signal.seed)
         taken = self.sets("signal_receiver")["receiver"]
         return SampledReceiver(SimulatedRadio(signal, radio, real), taken, self.track())

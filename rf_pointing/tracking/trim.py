@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from rf_pointing.core import MDEG, Params, SkyUncertainty, as_finite_array, parameter
 from rf_pointing.core.constants import EARTH_RADIUS_M
+from rf_pointing.core.kinematics import LEVEL, Kinematics
 from rf_pointing.core.types import Array
 
 # A prior that is no more than so many times too small is kept; elements of two days have that. With
@@ -195,14 +196,20 @@ class TrackPath:
     the line.
 
     `t_s` (n,) in steps in which the motion hardly bends, `position_rad` (n, 2) azimuth, continuous,
-    and elevation, `range_m` (n,).
+    and elevation, `range_m` (n,).  On another `mount` they are the angles of its axes.
     """
 
-    def __init__(self, t_s: Array, position_rad: Array, range_m: Array, latitude_rad: float) -> None:
+    def __init__(
+        self, t_s: Array, position_rad: Array, range_m: Array, latitude_rad: float, mount: Kinematics = LEVEL
+    ) -> None:
         self._t_s, self._azimuth_rad, self._elevation_rad = t_s, *position_rad.T
-        level = range_m * np.cos(self._elevation_rad)
-        up = EARTH_RADIUS_M + range_m * np.sin(self._elevation_rad)
-        self._place = (level * np.sin(self._azimuth_rad), level * np.cos(self._azimuth_rad), up)
+        self._mount = mount
+        # The Earth turns about its own axis, whatever the axes of the mount are.
+        position_rad = position_rad if mount.level else mount.skies(position_rad)
+        azimuth, elevation = position_rad.T
+        level = range_m * np.cos(elevation)
+        up = EARTH_RADIUS_M + range_m * np.sin(elevation)
+        self._place = (level * np.sin(azimuth), level * np.cos(azimuth), up)
         self._turning = EARTH_RATE_RAD_S * math.cos(latitude_rad), EARTH_RATE_RAD_S * math.sin(latitude_rad)
 
     def moved(self, times: Array, ahead_s: float | Array) -> tuple[Array, Array]:
@@ -237,4 +244,7 @@ class TrackPath:
         east, north, up = (
             east + tau_s * (along * up - upward * north), north + tau_s * upward * east, up - tau_s * along * east,
         )  # fmt: skip
-        return np.arctan2(east, north), np.arctan2(up - EARTH_RADIUS_M, np.hypot(east, north))
+        up = up - EARTH_RADIUS_M
+        if not self._mount.level:
+            east, north, up = self._mount.matrix.T @ np.stack([east, north, up])
+        return np.arctan2(east, north), np.arctan2(up, np.hypot(east, north))

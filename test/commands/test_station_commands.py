@@ -76,7 +76,7 @@ def test_a_band_without_sensors_has_program_track_and_what_is_missing_is_to_know
 
 def test_a_station_without_remarks_ends_with_its_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
     station = read_station("dss13")
-    monkeypatch.setattr(type(station), "remarks", lambda _self, _band: iter(()))
+    monkeypatch.setattr(check_station, "remarks", lambda _station, _band: iter(()))
     lines = list(check_station.report(station, "X", everything=False))
     assert not any("to know" in line for line in lines)
     assert " = " in lines[-1]

@@ -25,6 +25,7 @@ from rf_pointing.ros.leased_services import LEASE_S, LEASED, Caller
 from rf_pointing.ros.qos import LATCHED, STREAM
 from rf_pointing.ros.stamps import stamp_from_seconds
 from rf_pointing.station.description import read_station
+from rf_pointing.station.description.remarks import remarks
 from test.drives.rotctld import RealRotctld
 
 MakeBench = Callable[..., Any]
@@ -248,7 +249,7 @@ def test_a_commander_of_another_stack_has_the_antenna_between_passes_where_the_s
     """It signs nothing, and its frame_id is a frame."""
     key, station = str(tmp_path / "command.key"), tmp_path / "station.yaml"
     read_station("dss13").write(station, {"mount.unsigned_commands": allowed})
-    said = [each for each in read_station(station).remarks() if each.startswith("mount.unsigned_commands: anybody")]
+    said = [each for each in remarks(read_station(station)) if each.startswith("mount.unsigned_commands: anybody")]
     assert len(said) == allowed
     bench = make_bench(AntennaServo, command_key_file=key, station=str(station)).up()
     bench.run(0.1)

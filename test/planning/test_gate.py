@@ -167,8 +167,8 @@ def test_the_drives_are_not_cut_while_an_axis_swings_where_it_stood() -> None:
 
 def test_the_transmitter_is_inhibited_near_the_ground_on_either_side() -> None:
     for elevation in (9.0, 171.0):
-        assert "below the 10.00 deg for transmitting" in gate().too_low_to_send(elevation * DEG)
-    assert gate().too_low_to_send(45.0 * DEG) == ""
+        assert "below the 10.00 deg for transmitting" in gate().too_low_to_send(0.0, elevation * DEG)
+    assert gate().too_low_to_send(0.0, 45.0 * DEG) == ""
 
 
 def test_the_checks_of_a_tick_take_microseconds() -> None:

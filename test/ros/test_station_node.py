@@ -15,7 +15,7 @@ from rf_pointing.planning import AxisLimits
 from rf_pointing.ros.diagnostics import ERROR, OK, WARN
 from rf_pointing.ros.params import ParameterGroups
 from rf_pointing.ros.stamps import stamp_from_seconds
-from rf_pointing.ros.station_node import CLOCK_AGE_S, StationCensus
+from rf_pointing.ros.station_watches import CLOCK_AGE_S, StationCensus
 from rf_pointing.station.derive.nodes import NODES
 from rf_pointing.station.description import owner, read_station, shipped_stations
 

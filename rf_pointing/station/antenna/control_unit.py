@@ -262,18 +262,24 @@ class ControlUnit:
         return self._go(Request.PARK, (place.park_azimuth_rad, place.park_elevation_rad))
 
     def stow(self) -> str:
-        """Go to the stow elevation at the present azimuth, also from park; set the brakes there."""
-        return self._go(Request.STOW, (float(self.axes.encoder_rad[0]), self.safety.params.stow_elevation_rad))
+        """Go to the stow elevation at the present azimuth, also from park; set the brakes there.
+
+        Another mount goes to where its lower axis points at the zenith as well.
+        """
+        mount, first_rad = self.safety.gate.mount, float(self.axes.encoder_rad[0])
+        if not mount.level:
+            first_rad = math.remainder(mount.axes_at(0.0, 0.5 * math.pi)[0], math.tau)
+        return self._go(Request.STOW, (first_rad, self.safety.params.stow_elevation_rad))
 
     def go_to(self, goal: Pair) -> str:
         """Go to a position of the axes and hold there."""
-        reason = self.safety.gate.limits.reason(*goal)
+        reason = self.safety.gate.limits.reason(*goal, names=self.safety.gate.mount.axes)
         return reason or self._go(Request.GO_TO, goal)
 
     def jog(self, rate_rad_s: Pair) -> str:
         """Move at these rates for `JOG_S`, and on while it is called again; zero rates stop."""
         reason = self.modes.reason_against(Request.JOG, self._motion())
-        rows = zip(AXES, rate_rad_s, self.axes.limits.rate_limit_rad_s, strict=True)
+        rows = zip(self.safety.gate.mount.axes, rate_rad_s, self.axes.limits.rate_limit_rad_s, strict=True)
         for axis, rate, limit in rows:
             if not abs(rate) <= limit:
                 fast, most = math.degrees(rate), math.degrees(limit)
@@ -459,7 +465,7 @@ class ControlUnit:
             or safety.warning(t_s, self.mode, pair(commanded)),
             high_wind=safety.wind.reason,
             transmit_inhibit=silent
-            or safety.gate.too_low_to_send(float(axes.encoder_rad[1]))
+            or safety.gate.too_low_to_send(*pair(axes.encoder_rad))
             # A permission is for the receiver.
             or safety.gate.sun_in_beam(*pair(axes.encoder_rad), safety.sun.at(t_s)),
             commander=safety.authority.holder,

@@ -10,6 +10,7 @@ import numpy as np
 
 from rf_pointing.calibration import TERMS, BiasModel
 from rf_pointing.core import Boresight, Params, parameter
+from rf_pointing.core.kinematics import LEVEL, Kinematics
 from rf_pointing.core.types import Array
 
 RENEWAL_S = 0.5
@@ -133,7 +134,10 @@ class MountError:
 class SimulatedBeam:
     """Where the beam of axes with the mount's errors really points, tick by tick."""
 
-    def __init__(self, params: MountParams, lag_averaging_s: float, tick_s: float) -> None:
+    def __init__(
+        self, params: MountParams, lag_averaging_s: float, tick_s: float, mount: Kinematics = LEVEL
+    ) -> None:  # fmt: skip
+        self._mount = mount
         self._tick_s = tick_s
         self._mean, self._looked_s = RateAverage(lag_averaging_s), math.inf
         self._mount_error = MountError(params.model())
@@ -149,7 +153,9 @@ class SimulatedBeam:
         # After the use: the lags act on the motion up to this tick.
         mean.update(self._tick_s, rate_rad_s + self._mount_error.drift_rad_s)
         azimuth, elevation = sky.tolist()
-        if elevation > 0.5 * math.pi:
+        if not self._mount.level:
+            azimuth, elevation = self._mount.sky_at(azimuth, elevation)
+        elif elevation > 0.5 * math.pi:
             # Over its back the dish points to the other side: a direction on the sky has no
             # elevation above 90 deg.
             azimuth, elevation = azimuth - math.pi, math.pi - elevation

@@ -22,6 +22,7 @@ from rf_pointing.core import (
     random_stream,
     sky_offset_rad,
 )
+from rf_pointing.core.kinematics import LEVEL, Kinematics
 from rf_pointing.core.types import Array
 from rf_pointing.ephemeris import TopocentricTrack
 from rf_pointing.radiometry.disc import DiscResponse
@@ -149,10 +150,13 @@ class _Ahead:
 
 
 class ArrivingSignal:
-    """The signal that reaches an antenna at these boresights, before any receiver."""
+    """The signal that reaches an antenna at these boresights, before any receiver.
 
-    def __init__(self, params: SignalParams, real_track: TopocentricTrack) -> None:
-        self.params = params
+    What is off the beam is across and along the upper axis of the `mount`, as the feed sees it.
+    """
+
+    def __init__(self, params: SignalParams, real_track: TopocentricTrack, mount: Kinematics = LEVEL) -> None:
+        self.params, self._mount = params, mount
         self._ahead = _Ahead(real_track)
         self._link = Link(params.link, params.atmosphere, params.noise)
         self._first_s: float | None = None
@@ -182,6 +186,10 @@ class ArrivingSignal:
         right, up = sky_offset_rad(
             azimuth, elevation, [each.azimuth_rad for each in boresights], [each.elevation_rad for each in boresights]
         )
+        if not self._mount.level:
+            # The feed turns against the sky so slowly that one angle serves a cluster.
+            middle = boresights[len(boresights) // 2]
+            right, up = self._mount.across(middle.azimuth_rad, middle.elevation_rad) @ np.stack([right, up])
         # Below the horizon there is no signal, whatever the geometry of the beam.
         level = self._link.carrier_to_noise_db_hz(range_m, np.abs(elevation)) + gain_db
         level = np.where(elevation > 0.0, level, -np.inf)
@@ -212,8 +220,8 @@ class ArrivingSignal:
 class SimulatedReceiver(ArrivingSignal):
     """Collects boresights; `take` returns a `Reception` for every full cluster."""
 
-    def __init__(self, params: SignalParams, real_track: TopocentricTrack) -> None:
-        super().__init__(params, real_track)
+    def __init__(self, params: SignalParams, real_track: TopocentricTrack, mount: Kinematics = LEVEL) -> None:
+        super().__init__(params, real_track, mount)
         random = random_stream(params.seed, "receiver")
         line = params.interference if params.interference.level_db_hz > NO_LINE_DB_HZ else None
         self._receiver = Receiver(params.receiver, Beam(params.beam), self.feed, random, line)

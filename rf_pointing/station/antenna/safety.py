@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 from rf_pointing.controllers import CommandPreprocessorParams
 from rf_pointing.core import Params, parameter
+from rf_pointing.core.kinematics import Kinematics
 from rf_pointing.core.types import Array, Pair
 from rf_pointing.ephemeris.solar import SolarDirection, SunParams
 from rf_pointing.planning import (
@@ -44,12 +45,13 @@ class SafetyParams(Params):
     wind: WindWatchParams = parameter(WindWatchParams(), "wind in which the antenna is stowed")
     gate: GateParams = parameter(GateParams(), "margins of the limits")
     mask: HorizonMask = parameter(HorizonMask(), "horizon that the antenna does not look below")
+    kinematics: Kinematics = parameter(Kinematics(), "how the axes lie")
     sun: SunParams = parameter(SunParams(), "the Sun that the antenna does not look into")
     at_rest: SunAtRestParams = parameter(SunAtRestParams(), "the Sun that comes to it at rest")
     park_azimuth_rad: float = parameter(0.0, "azimuth of the park position", low=-20.0, high=20.0)
-    park_elevation_rad: float = parameter(math.radians(45.0), "elevation of the park position", low=0.0, high=3.2)
+    park_elevation_rad: float = parameter(math.radians(45.0), "elevation of the park position", low=-3.2, high=3.2)
     stow_elevation_rad: float = parameter(
-        math.radians(90.0), "elevation at which the wind does least", low=0.0, high=3.2
+        math.radians(90.0), "elevation at which the wind does least", low=-3.2, high=3.2
     )
     unsigned_commands: bool = parameter(
         False, "whether commands without a signature of the antenna's key are taken, as of another commander"
@@ -63,7 +65,7 @@ class AntennaSafety:
     def __init__(self, params: SafetyParams, motion: CommandPreprocessorParams, tick_s: float) -> None:
         self.params = params
         self.retune(motion)
-        self.sun = SolarDirection(params.sun)
+        self.sun = SolarDirection(params.sun, params.kinematics)
         self.watch, self.drive = AxisWatch(params.watch, tick_s), DriveWatch(params.drive, tick_s)
         self.wind = WindWatch(params.wind)
         self.latch = FaultLatch()
@@ -86,7 +88,7 @@ class AntennaSafety:
             elevation_max_rad=motion.travel_max_rad[1],
         )
         axes = AxisRates(motion.rate_limit_rad_s, motion.acceleration_limit_rad_s2)
-        return Gate(self.params.gate, limits, self.params.mask, axes)
+        return Gate(self.params.gate, limits, self.params.mask, axes, self.params.kinematics)
 
     def release(self, switch_rad: Pair) -> None:
         """Trust the sensors as they are, at the angles where the brakes are released."""

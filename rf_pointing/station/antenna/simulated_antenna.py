@@ -36,7 +36,7 @@ class SimulationParams(Params):
         5.0, "time over which rates are averaged for the mount's lag terms", low=0.1, high=100.0
     )
     start_azimuth_rad: float = parameter(math.radians(120.0), "azimuth at the start", low=-20.0, high=20.0)
-    start_elevation_rad: float = parameter(math.radians(60.0), "elevation at the start", low=-0.2, high=3.3)
+    start_elevation_rad: float = parameter(math.radians(60.0), "elevation at the start", low=-3.4, high=3.4)
     seed: int = parameter(1, "seed of every noise source", low=0, high=2**31 - 1)
 
     @property
@@ -117,7 +117,7 @@ class SimulatedHardware(AntennaPlant):
         self.injected = InjectedFaults()
         self._wind: WindSource = Wind(params.wind, random_stream(seed, "wind"))
         self._torque = np.zeros(2)
-        self._beam = SimulatedBeam(params.mount, params.antenna.lag_averaging_s, self._tick_s)
+        self._beam = SimulatedBeam(params.mount, params.antenna.lag_averaging_s, self._tick_s, params.safety.kinematics)
 
     def blow(self, wind: WindSource) -> None:
         """Let another wind blow from now on, as one that was recorded."""

@@ -125,7 +125,7 @@ def _planned(
         arcs_s=arcs_s, every_s=60.0, spacing_s=SPACING_S, lowest_rad=math.radians(11.0), lead_s=ACQUISITION_S
     )
     candidates, _ = candidate_arcs(elements, station.site, begin_s, span_s, rules)
-    low_deg, high_deg = station.content.mount.azimuth.travel_deg
+    low_deg, high_deg = station.content.mount.pair[0].travel_deg
     slew = Slew(settle_s=ACQUISITION_S + 10.0, travel_rad=(math.radians(low_deg), math.radians(high_deg)))
     return plan_campaign(candidates, rule, slew, filled)
 

@@ -1,20 +1,51 @@
 """Axes, drive and zones: what the mount can do and where it may look, for every node alike."""
 
+import math
 from typing import Any
 
 from rf_pointing.core.derived import Rows, Value, rounded, tuned
+from rf_pointing.core.kinematics import Kinematics
+from rf_pointing.core.mount_types import LOWER_AXES
 from rf_pointing.core.parameters import flat, leaves
 from rf_pointing.core.signals import AXES
+from rf_pointing.core.types import Pair
 from rf_pointing.station.derive.band import AXIS_KEYS, Band, nearest_within, site_of
+from rf_pointing.station.description.content import Content
 
 
 def limits(of: Band) -> Rows:
     """Travel that may be commanded."""
     return {
-        f"{name}_{side}_deg": Value(angle, f"mount.{name}.travel_deg")
-        for name, axis in zip(AXES, of.axes, strict=True)
+        f"{name}_{side}_deg": Value(angle, f"{key}.travel_deg")
+        for name, key, axis in zip(AXES, of.content.mount.keys, of.axes, strict=True)
         for side, angle in zip(("min", "max"), axis.travel_deg, strict=True)
     }
+
+
+def kinematics(of: Band) -> Rows:
+    """How the axes lie."""
+    keys = {"latitude_deg": "site.latitude_deg", "train_deg": "mount.tilt_deg"}
+    return {
+        name: Value(value, keys.get(name, f"mount.{name}"))
+        for name, (_, value) in leaves(kinematics_of(of.content)).items()
+    }
+
+
+def kinematics_of(content: Content) -> Kinematics:
+    """Return the mount of a description; ValueError where it cannot stand at the site."""
+    mount = content.mount
+    return Kinematics(
+        type=mount.type,
+        lower_axis=mount.lower_axis or LOWER_AXES[0],
+        latitude_rad=site_of(content).latitude_rad if mount.kind.polar else 0.0,
+        tilt_rad=math.radians(mount.tilt_deg or 0.0),
+    )
+
+
+def zenith_deg(of: Band) -> Pair:
+    """Return the angles of the axes that point at the zenith."""
+    first, second = kinematics_of(of.content).axes_at(0.0, 0.5 * math.pi)
+    return round(math.degrees(math.remainder(first, math.tau)), 9) + 0.0, round(math.degrees(second), 9) + 0.0
 
 
 def commanded(of: Band) -> Rows:
@@ -50,16 +81,24 @@ def preprocessor(of: Band) -> Rows:
 
 def rest(of: Band) -> Rows:
     """Park and stow position, and who may command."""
-    azimuth, elevation = (axis.travel_deg for axis in of.axes)
-    mount = of.content.mount
-    park = mount.park_deg or (nearest_within(0.0, azimuth), nearest_within(45.0, elevation))
-    stow = nearest_within(90.0, elevation) if mount.stow_elevation_deg is None else mount.stow_elevation_deg
+    mount, elevation = of.content.mount, of.axes[1].travel_deg
+    park = mount.park_deg or at_rest_deg(of)
+    stow = (
+        nearest_within(zenith_deg(of)[1], elevation) if mount.stow_elevation_deg is None else mount.stow_elevation_deg
+    )
     return {
         "park_azimuth_deg": Value(park[0], "mount.park_deg"),
         "park_elevation_deg": Value(park[1], "mount.park_deg"),
         "stow_elevation_deg": Value(stow, "mount.stow_elevation_deg"),
         "unsigned_commands": Value(of.content.mount.unsigned_commands, "mount.unsigned_commands"),
     }
+
+
+def at_rest_deg(of: Band) -> Pair:
+    """Return where the axes rest unless the description says it: not far from the zenith."""
+    first, second = (0.0, 45.0) if kinematics_of(of.content).level else zenith_deg(of)
+    azimuth, elevation = (axis.travel_deg for axis in of.axes)
+    return nearest_within(first, azimuth), nearest_within(second, elevation)
 
 
 def drive(of: Band) -> dict[str, Value]:

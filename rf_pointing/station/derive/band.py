@@ -13,6 +13,7 @@ from functools import cached_property
 from typing import Any
 
 from rf_pointing.core.derived import Rows, Value, rounded
+from rf_pointing.core.mount_types import AZIMUTH_ELEVATION
 from rf_pointing.core.parameters import Params, flat, leaves, with_leaves
 from rf_pointing.core.types import Pair
 from rf_pointing.ephemeris.sites import SITES, Site
@@ -109,8 +110,8 @@ class Band:
 
     @property
     def axes(self) -> tuple[AxisSection, AxisSection]:
-        """Azimuth and elevation."""
-        return self.content.mount.azimuth, self.content.mount.elevation
+        """Lower and upper axis: azimuth and elevation."""
+        return self.content.mount.pair
 
     @property
     def wavelength_m(self) -> float:
@@ -210,8 +211,10 @@ def site_of(content: Content) -> Site:
 
 def pass_elevation_deg(content: Content) -> float:
     """Return where passes begin and end on a free horizon."""
-    given = content.mount.pass_elevation_deg
-    return max(5.0, content.mount.elevation.travel_deg[0] + 1.0) if given is None else given
+    given, mount = content.mount.pass_elevation_deg, content.mount
+    # Only the lower end of an elevation axis is a height over the horizon.
+    lowest = mount.pair[1].travel_deg[0] + 1.0 if mount.type == AZIMUTH_ELEVATION else 5.0
+    return max(5.0, lowest) if given is None else given
 
 
 def drive_acceleration_deg_s2(axis: AxisSection) -> float:

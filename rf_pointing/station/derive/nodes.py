@@ -12,7 +12,7 @@ from rf_pointing.core.modes import Sensor
 from rf_pointing.core.parameters import flat
 from rf_pointing.planning.horizon import HorizonMask
 from rf_pointing.station import parameters as own
-from rf_pointing.station.derive.band import Band, Derived, nearest_within, pass_elevation_deg
+from rf_pointing.station.derive.band import Band, Derived, pass_elevation_deg
 from rf_pointing.station.description.content import (
     VERSION,
     ArraySection,
@@ -42,9 +42,7 @@ def antenna_servo(of: Band) -> Derived:
 
     simulation = of.content.simulation
     plant, loops = plant_and_loops(of)
-    start = simulation.start_deg or (
-        nearest_within(0.0, of.axes[0].travel_deg), nearest_within(45.0, of.axes[1].travel_deg)
-    )  # fmt: skip
+    start = simulation.start_deg or axes.at_rest_deg(of)
     errors = (("simulation", simulation.mount_errors), (f"bands.{of.name}", of.section.mount_errors))
     wind = {name: Value(getattr(simulation.wind, name), f"simulation.wind.{name}")
             for name in ("mean_speed_m_s", "from_azimuth_deg")}  # fmt: skip
@@ -70,6 +68,7 @@ def antenna_servo(of: Band) -> Derived:
             "wind": axes.wind_limits(of),
             "gate": axes.gate(of),
             "mask": axes.mask(of),
+            "kinematics": axes.kinematics(of),
             "sun": axes.sun(of),
             "at_rest": axes.sun_at_rest(of),
         },
@@ -99,6 +98,7 @@ def pointing_controller(of: Band) -> Derived:
             "sun_radius_deg": axes.sun_radius(of),
         },
         "mask": axes.mask(of),
+        "kinematics": axes.kinematics(of),
         **scans_of_band(of),
         "calibration": {"half_power_beamwidth_deg": of.width},
         "trim": loop.trim(of),

@@ -1,12 +1,17 @@
 """Contradictions in a description: values that are right alone and cannot be true together."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
+
+import numpy as np
 
 from rf_pointing.core import Params, Sensor, leaves
 from rf_pointing.core.checks import LONGEST_NAME, brief, one_of
+from rf_pointing.core.mount_types import AZIMUTH_ELEVATION
 from rf_pointing.core.parameters import flat, from_edge, with_leaves
+from rf_pointing.core.signals import AXES
+from rf_pointing.core.types import Pair
 from rf_pointing.core.whole_file import read_whole
 from rf_pointing.drives.params import DriveParams
 from rf_pointing.drives.protocols import turns_azimuth_alone
@@ -15,13 +20,24 @@ from rf_pointing.ephemeris import SITES
 from rf_pointing.planning import HorizonMask
 from rf_pointing.planning.horizon_file import in_order, read_horizon
 from rf_pointing.receiver.params import SignalReceiverParams
+from rf_pointing.station.derive.axes import kinematics_of
 from rf_pointing.station.derive.band import BEAM_FACTOR_DEG, SPEED_OF_LIGHT_M_S, pass_elevation_deg
 from rf_pointing.station.derive.nodes import NODES, described_parameters, reference
 from rf_pointing.station.derive.signal import OPEN
-from rf_pointing.station.description.content import ArraySection, BandSection, Content, MountSection, ReceiverSection
+from rf_pointing.station.description.content import (
+    AZIMUTH_TEXT,
+    ELEVATION_TEXT,
+    ArraySection,
+    BandSection,
+    Content,
+    MountSection,
+    ReceiverSection,
+)  # fmt: skip
 from rf_pointing.station.description.reading import MOST_VALUES, Reader, nearest
 
 BEAMWIDTH_TOLERANCE = 0.2
+REACH_POINTS = 73
+"""Angles of each axis at which the sky that it reaches is looked for."""
 WIDEST_GAP_DEG = 90.0
 """A wider gap between two points of a horizon mask is a gap that nobody surveyed."""
 
@@ -37,10 +53,13 @@ def check(content: Content, reader: Reader, nodes: tuple[str, ...]) -> HorizonMa
         reader.note("name", f"name={brief(content.name)} must have 1 to {LONGEST_NAME} signs")
     mask = _mask(content, reader)
     if content.mount is not None:
-        for name in ("azimuth", "elevation"):
-            axis = getattr(content.mount, name)
-            for key, text in axis.contradictions() if axis is not None else ():
-                reader.note(f"mount.{name}.{key}", f"mount.{name}.{key}{text}")
+        for key, text in _misplaced(content.mount):
+            # What is there and was refused has its own problem.
+            if not (" is missing" in text and f"mount.{key}" in reader.lines):
+                reader.note(f"mount.{key}", f"mount{text}")
+        for key, axis in zip(content.mount.keys, content.mount.pair, strict=True):
+            for name, text in axis.contradictions() if axis is not None else ():
+                reader.note(f"{key}.{name}", f"{key}.{name}{text}")
         _check_mount(content, content.mount, reader)
     _check_bands(content, reader, nodes)
     _check_tuning(content.tuning, "tuning", reader, nodes)
@@ -82,21 +101,50 @@ def _check_receiver(section: ReceiverSection | None, reader: Reader) -> None:
             reader.note("receiver", f"receiver.{error}")
 
 
+def _misplaced(mount: MountSection) -> Iterator[tuple[str, str]]:
+    """Yield keys that the type of the mount lacks, or does not have, and why."""
+    names, texts = mount.kind.axes, dict(zip(AXES, (AZIMUTH_TEXT, ELEVATION_TEXT), strict=True))
+    for name, axis in zip(names, mount.pair, strict=True):
+        if axis is None and name in AXES:
+            yield name, f".{name} is missing: {texts[name]}"
+        elif axis is None:
+            yield f"axes.{name}", f".axes.{name} is missing: type={mount.type} has the axes {' and '.join(names)}"
+    given = {f"axes.{name}": name for name in mount.axes or {}} | {
+        name: name for name in AXES if getattr(mount, name) is not None
+    }
+    for key, name in given.items():
+        if name not in names or (name in AXES) == ("." in key):
+            yield key, f".{key}: type={mount.type} has the axes {' and '.join(names)}"
+    for key in ("lower_axis", "tilt_deg"):
+        needed, there = key in mount.kind.keys, getattr(mount, key) is not None
+        if there and not needed:
+            yield key, f".{key}: type={mount.type} has no such key"
+        elif needed and not there:
+            yield key, f".{key} is missing: type={mount.type} needs it"
+
+
 def _check_mount(content: Content, mount: MountSection, reader: Reader) -> None:
-    azimuth, elevation = (axis.travel_deg if axis is not None else None for axis in (mount.azimuth, mount.elevation))
+    azimuth, elevation = (axis.travel_deg if axis is not None else None for axis in mount.pair)
+    names, key = mount.kind.axes, mount.keys[1]
     if mount.park_deg is not None:
-        for name, angle, travel in zip(("azimuth", "elevation"), mount.park_deg, (azimuth, elevation), strict=True):
+        for name, angle, travel in zip(names, mount.park_deg, (azimuth, elevation), strict=True):
             if travel is not None and not travel[0] <= angle <= travel[1]:
                 reader.note("mount.park_deg", f"mount.park_deg={list(mount.park_deg)}: {name} {angle} must lie within its "
                     f"travel_deg={list(travel)}")  # fmt: skip
-    if elevation is None:
+    if elevation is None or azimuth is None or mount.type is None:
         return
+    _check_reach(content, azimuth, elevation, reader)
     stow = mount.stow_elevation_deg
     # The control unit's travel may be wider than that of passes.
     outer = flat(content.tuning or {}).get("loops.preprocessor.travel_max_deg", elevation)
     if stow is not None and not elevation[0] <= stow <= max(elevation[1], outer[1]):
-        reader.note("mount.stow_elevation_deg", f"mount.stow_elevation_deg={stow} must lie within mount.elevation."
+        reader.note("mount.stow_elevation_deg", f"mount.stow_elevation_deg={stow} must lie within {key}."
             f"travel_deg={list(elevation)}")  # fmt: skip
+    if mount.type != AZIMUTH_ELEVATION:
+        if mount.fixed_elevation_deg is not None:
+            reader.note("mount.fixed_elevation_deg", "mount.fixed_elevation_deg is for an azimuth alone, of "
+                f"type={AZIMUTH_ELEVATION}")  # fmt: skip
+        return
     if not -12.0 <= elevation[0] < elevation[1] <= 192.0:
         reader.note(
             "mount.elevation.travel_deg", f"mount.elevation.travel_deg={list(elevation)} must lie within [-12, 192]"
@@ -115,6 +163,27 @@ def _check_mount(content: Content, mount: MountSection, reader: Reader) -> None:
     if highest is not None and min(90.0, elevation[1]) <= highest:
         reader.note("mount.horizon_deg", f"mount.elevation.travel_deg={list(elevation)} ends below the horizon mask, "
             f"{highest} deg: the travel is smaller than the mask allows")  # fmt: skip
+
+
+def _check_reach(content: Content, first: Pair, second: Pair, reader: Reader) -> None:
+    """Note a mount that cannot stand at the site, or that sees nothing of its sky."""
+    site = content.site
+    known = site in SITES if isinstance(site, str) else site and None not in (site.latitude_deg, site.longitude_deg)
+    if not known:
+        return
+    try:
+        mount = kinematics_of(content)
+    except ValueError as error:
+        reader.note("mount.type", f"mount: {error}")
+        return
+    if mount.level or first[0] >= first[1] or second[0] >= second[1]:
+        return
+    grid = np.stack(np.meshgrid(np.linspace(*first, REACH_POINTS), np.linspace(*second, REACH_POINTS)), axis=-1)
+    highest, begins = float(np.degrees(mount.skies(np.radians(grid))[..., 1].max())), pass_elevation_deg(content)
+    if highest <= begins:
+        names, key = mount.axes, content.mount.keys[0]
+        reader.note(f"{key}.travel_deg", f"{key}.travel_deg={list(first)} and {names[1]} {list(second)} reach "
+            f"{highest:.1f} deg of elevation at most, must be > {begins:g}, where passes begin")  # fmt: skip
 
 
 def _mask(content: Content, reader: Reader) -> HorizonMask:
@@ -208,7 +277,10 @@ def _check_band(content: Content, name: str, section: BandSection, reader: Reade
         reader.note(f"{key}.sensors", f"{key}.sensors names array: the description has no section array")
     elif Sensor.ARRAY in (section.sensors or ()) and content.array and frequency is not None:
         _check_array(content.array, frequency, reader)
-    if section.bias_model:
+    if section.bias_model and content.mount is not None and content.mount.type not in (None, AZIMUTH_ELEVATION):
+        reader.note(f"{key}.bias_model", f"{key}.bias_model: its terms are those of mount.type={AZIMUTH_ELEVATION}, "
+            f"the mount is {content.mount.type}")  # fmt: skip
+    elif section.bias_model:
         # Imported here, as what the checks of an array need: most stations have neither.
         from rf_pointing.calibration.model_file import read_model
 

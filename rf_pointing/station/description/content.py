@@ -10,10 +10,14 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from rf_pointing.core import parameter
+from rf_pointing.core.mount_types import AZIMUTH_ELEVATION, LOWER_AXES, MOUNTS, MountType
+from rf_pointing.core.signals import AXES
 from rf_pointing.core.types import Pair
 from rf_pointing.tracking.sensors import SENSORS
 
 VERSION = 1
+AZIMUTH_TEXT = "azimuth axis; more than 360 deg of travel is the cable wrap"
+ELEVATION_TEXT = "elevation axis; beyond 90 deg the dish looks over its back"
 Open = dict[str, Any]
 """A section whose keys somebody else declares: a drive, the tuning of the nodes."""
 
@@ -84,19 +88,28 @@ class AxisSection:
 class MountSection:
     """Axes and where they may, rest and look."""
 
-    azimuth: AxisSection = parameter(description="azimuth axis; more than 360 deg of travel is the cable wrap")
-    elevation: AxisSection = parameter(description="elevation axis; beyond 90 deg the dish looks over its back")
+    type: str = parameter(AZIMUTH_ELEVATION, "how the axes lie, the lower one first", choices=MOUNTS)
+    azimuth: AxisSection | None = parameter(None, AZIMUTH_TEXT)
+    elevation: AxisSection | None = parameter(None, ELEVATION_TEXT)
+    axes: dict[str, AxisSection] = field(
+        default_factory=dict,
+        metadata={"description": "axes of another mount by their names: x and y, hour_angle and declination"},
+    )
+    lower_axis: str | None = parameter(None, "direction of the x axis of an X-Y mount", choices=LOWER_AXES)
+    tilt_deg: float | None = parameter(
+        None, "angle by which a tilt axis leans the azimuth axis, to a side chosen for each pass", low=0.1, high=45.0
+    )
     fixed_elevation_deg: float | None = parameter(
         None, "where an antenna looks that turns in azimuth alone; default: both axes turn", low=-10.0, high=180.0
     )
     park_deg: Pair | None = parameter(
-        None, "azimuth and elevation of the park position; default: the angles of the travel nearest to 0 and 45",
+        None, "axis angles of the park position; default: those of the travel nearest to azimuth 0 and elevation 45",
         low=-1000.0, high=1000.0,
     )  # fmt: skip
     stow_elevation_deg: float | None = parameter(
         None,
-        "elevation at which the wind does least; default: the angle of the travel nearest to 90",
-        low=0.0,
+        "angle of the upper axis at which the wind does least; default: that nearest to the zenith",
+        low=-180.0,
         high=180.0,
     )
     horizon_deg: tuple[Pair, ...] | None = parameter(
@@ -113,6 +126,24 @@ class MountSection:
     unsigned_commands: bool = parameter(
         False, "whether anybody on the network may command the antenna between passes; false: who has its key"
     )
+
+    @property
+    def kind(self) -> MountType:
+        """The row of the mount's type."""
+        return MOUNTS[self.type or AZIMUTH_ELEVATION]
+
+    @property
+    def pair(self) -> tuple[AxisSection, AxisSection]:
+        """Lower and upper axis; a description with problems may lack one."""
+        given: dict[str, Any] = {"azimuth": self.azimuth, "elevation": self.elevation, **(self.axes or {})}
+        first, second = map(given.get, self.kind.axes)
+        return first, second  # type: ignore[return-value]
+
+    @property
+    def keys(self) -> tuple[str, str]:
+        """Dotted keys of both axes."""
+        first, second = (f"mount.{name}" if name in AXES else f"mount.axes.{name}" for name in self.kind.axes)
+        return first, second
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -2,7 +2,7 @@
 
 import dataclasses
 import json
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cache, cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,6 +12,7 @@ import yaml
 from rf_pointing.core import require_choice
 from rf_pointing.core.derived import Value
 from rf_pointing.core.modes import Sensor
+from rf_pointing.core.mount_types import AZIMUTH_ELEVATION
 from rf_pointing.core.parameters import flat, leaves
 from rf_pointing.core.whole_file import compose_yaml, read_whole
 from rf_pointing.station.derive.band import Band, Derived, site_of
@@ -26,11 +27,17 @@ if TYPE_CHECKING:
 _PACKAGE = Path(__file__).parents[2]
 STATIONS = next(filter(Path.is_dir, (_PACKAGE / "config/stations", _PACKAGE.parent / "config/stations")))
 """Folder of the shipped descriptions: installed with the package, or config/ of a checkout."""
+OTHER_MOUNTS = STATIONS.parent / "other_mounts"
+"""Folder of those with other mounts, which most commands refuse."""
 DEFAULT_STATION = "dss13"
 OF_EVERY_NODE = (
     "lifecycle.autostart", "lifecycle.realtime_priority", "station", "band", "use_sim_time",
     "start_type_description_service",
 )  # fmt: skip
+KNOWS_EVERY_MOUNT = frozenset({"check_station", "plan_passes"})
+"""Commands that know axes by their mount; every node and any other command refuses other mounts."""
+SIMULATED_MOUNTS = frozenset({"x_y", "ha_dec"})
+"""Mounts that are simulated without ROS besides azimuth and elevation."""
 # Parameters of before, and the key that took their place.
 _FORMER = {
     ("ephemeris_publisher", "source.station"): "site",
@@ -128,6 +135,10 @@ class StationDescription:
         content = dataclasses.asdict(self.content)
         content["mount"]["horizon_deg"] = leaves(self.mask)["azimuth_deg"][1], leaves(self.mask)["elevation_deg"][1]
         del content["mount"]["horizon_file"]
+        if self.content.mount.type == AZIMUTH_ELEVATION:
+            # As recordings have it from before there were other mounts.
+            for name in ("type", "axes", "lower_axis", "tilt_deg"):
+                del content["mount"][name]
         for name, section in content["bands"].items():
             model = self.bias_model_file(name)
             section["bias_model"] = read_whole(model) if model else ""
@@ -202,27 +213,17 @@ class StationDescription:
             _put(root, key.split("."), value)
         path.write_text(yaml.serialize(root, Dumper=yaml.SafeDumper))
 
-    def remarks(self, band: str | None = None) -> Iterator[str]:
-        """Yield remarks that a user of this station should know, besides its problems."""
-        numbers = Band(self.content, self._band(band))
-        low, high = self.content.mount.azimuth.travel_deg
-        if high - low < 360.0:
-            yield f"mount.azimuth.travel_deg: {360.0 - high + low:g} deg of the sky cannot be reached"
-        elif high - low > 360.0:
-            yield f"mount.azimuth.travel_deg: {high - low - 360.0:g} deg of azimuth can be reached on two turns"
-        if self.mask == type(self.mask)(clearance_rad=self.mask.clearance_rad):
-            yield "mount: there is no horizon mask; the antenna may look at hills, houses and people"
-        if not numbers.section.bias_model:
-            yield f"bands.{numbers.name}: there is no bias model; errors of the mount are not corrected"
-        if not self.content.wind.anemometer:
-            yield "wind.anemometer: the station has none; wind does not stow the antenna"
-        if self.content.mount.unsigned_commands:
-            yield "mount.unsigned_commands: anybody on the network may command the antenna between passes"
-        if self.content.sun.radius_deg == 0.0:
-            yield "sun.radius_deg: the beam may look into the Sun"
-        share = numbers.step_deg / numbers.beamwidth_deg
-        if share > 0.1:
-            yield f"mount: an encoder step is {share:.2f} of the beamwidth; a tenth costs 0.03 dB, a half 0.75 dB"
+    def require_mount(self, user: str) -> None:
+        """Raise ValueError for a mount whose axes `user`, a node or command, does not know.
+
+        Angles of other axes would be taken for azimuth and elevation.
+        """
+        kind = self.content.mount.type
+        known = user in KNOWS_EVERY_MOUNT or (user == "simulate" and kind in SIMULATED_MOUNTS)
+        if kind != AZIMUTH_ELEVATION and not known:
+            raise ValueError(
+                f"{user} knows mounts of type {AZIMUTH_ELEVATION} alone: mount.type of {self.name} is {kind}"
+            )
 
     def _band(self, band: str | None) -> str:
         chosen = self.default_band if band is None else band
@@ -241,11 +242,11 @@ def read_station(name_or_path: str | Path, nodes: tuple[str, ...] = tuple(NODES)
         A ValueError with all problems of the file, one a line: `file:line: key=value must ...`.
     """
     text = str(name_or_path)
-    path = STATIONS / f"{text}.yaml"
-    if not path.is_file():
+    path = next(filter(Path.is_file, (STATIONS / f"{text}.yaml", OTHER_MOUNTS / f"{text}.yaml")), None)
+    if path is None:
         path = Path(text).expanduser()
         if not path.is_file():
-            shipped = shipped_stations()
+            shipped = shipped_stations(every_mount=True)
             raise StationError(text, [(0, f"no such file, and no shipped station{nearest(text, shipped)}")])
     return station_from(path, nodes=nodes)
 
@@ -269,9 +270,10 @@ def station_from(path: Path, text: str | None = None, nodes: tuple[str, ...] = t
     return station
 
 
-def shipped_stations() -> tuple[str, ...]:
-    """Return the names of the shipped descriptions."""
-    return tuple(sorted(path.stem for path in STATIONS.glob("*.yaml") if not path.stem.startswith("bias_model")))
+def shipped_stations(*, every_mount: bool = False) -> tuple[str, ...]:
+    """Return the shipped names: of azimuth and elevation alone, or of `every_mount`."""
+    files = [*STATIONS.glob("*.yaml"), *(OTHER_MOUNTS.glob("*.yaml") if every_mount else ())]
+    return tuple(sorted(path.stem for path in files if not path.stem.startswith("bias_model")))
 
 
 def require_known(node: str, names: Iterable[str]) -> None:

@@ -37,6 +37,7 @@ def size_m(station: StationDescription) -> float:
 
 def urdf(station: StationDescription) -> str:
     """Return the URDF of a station's antenna, as XML text with one element a line."""
+    station.require_mount("the URDF")
     robot = ElementTree.Element("robot", name=station.name)
     plant = station.parameters("antenna_servo")
     inertia = {axis: float(plant[f"plant.{axis}.inertia_kg_m2"]) for axis in AXES}
@@ -82,7 +83,7 @@ def _limits(
         name: math.radians(plant[f"plant.{axis}.{name}"])
         for name in ("travel_min_deg", "travel_max_deg", "rate_limit_deg_s", "acceleration_limit_deg_s2")
     }
-    low, high = map(math.radians, getattr(station.content.mount, axis).travel_deg)
+    low, high = map(math.radians, station.content.mount.pair[AXES.index(axis)].travel_deg)
     ElementTree.SubElement(
         joint,
         "limit",

@@ -4,7 +4,7 @@ Every certificate may be kept as a JSON file.
 """
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
@@ -15,6 +15,7 @@ import numpy as np
 from rf_pointing.calibration import BiasModel, LagHistory, without_lags
 from rf_pointing.core import Motion, Params, gaussian_gain, parameter
 from rf_pointing.core.checks import LONGEST_NAME
+from rf_pointing.core.kinematics import LEVEL, Kinematics
 from rf_pointing.core.refraction import RadioRefraction
 from rf_pointing.core.types import Array
 from rf_pointing.core.whole_file import write_whole
@@ -32,7 +33,7 @@ from rf_pointing.planning import (
     certify,
 )
 from rf_pointing.planning.branch_motion import Lag, no_lag
-from rf_pointing.planning.certificate import Slew
+from rf_pointing.planning.certificate import Slew, branch_cost
 from rf_pointing.station.pointing.prediction import axis_motion
 
 SAMPLE_S = 1.0
@@ -71,6 +72,7 @@ class PlanningRules:
     mask: HorizonMask
     gate: GateParams
     lag_averaging_s: float
+    mount: Kinematics = LEVEL
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,16 +111,23 @@ def planned_certificate(
     rules: PlanningRules,
     sun_table: "SolarTable | None" = None,
 ) -> tuple[Certificate, PassProfile]:
-    """Return the certificate of a pass for an antenna at `encoder_rad` from `free_t_s` on."""
+    """Return the certificate of a pass for an antenna at `encoder_rad` from `free_t_s` on.
+
+    A tilt axis leans to the side on which less of the pass is lost.  The profile is on the sky.
+    """
     profile = pass_profile(track, window, sun_table=sun_table)
-    gate = Gate(rules.gate, rules.limits, rules.mask, rules.machine.axes)
     table = sun_table or SolarTable(track.site, track.refraction, free_t_s, SUN_STEP_S)
     azimuth, elevation = table.at(np.array([free_t_s]))[0].tolist()
-    slew = partial(gate.slew, sun_rad=(azimuth, elevation))
     # With a table one of many passes is planned: a plunge that no axis reaches is not tabulated.
     plunge_allowed = sun_table is None or rules.limits.elevation_max_rad > 0.5 * np.pi
-    certificate = certificate_of(profile, rules, free_t_s, encoder_rad, plunge_allowed=plunge_allowed, slew=slew)
-    return certificate, profile.resampled()
+    found = []
+    for mount in rules.mount.leaning_from(float(profile.position_rad[np.argmax(profile.position_rad[:, 1]), 0])):
+        here = replace(rules, mount=mount)
+        gate = Gate(rules.gate, rules.limits, rules.mask, rules.machine.axes, mount)
+        slew = partial(gate.slew, sun_rad=mount.axes_at(azimuth, elevation))
+        own = profile.on(mount)
+        found.append(certificate_of(own, here, free_t_s, encoder_rad, plunge_allowed=plunge_allowed, slew=slew))
+    return min(found, key=lambda one: branch_cost(one.branches[0])), profile.resampled()
 
 
 def pass_profile(
@@ -176,6 +185,8 @@ def certificate_of(
 ) -> Certificate:
     """Return the certificate of a pass for a Gaussian beam (CONSCAN eq. 1).
 
+    The profile, as the encoders, is in the angles of the axes of `rules.mount`.
+
     Lags that build up over `rules.lag_averaging_s` are those of the motion that the beam makes,
     crossing included; with 0 they are those of the target's own.
     """
@@ -187,7 +198,9 @@ def certificate_of(
     held = without_lags(model) if history else model
     sides: dict[bool, tuple[Array, Array, Array]] = {over: axis_motion(sky, held, plunge=over) for over in plunges}
     lag: Lag = history.lead if history else no_lag
-    return certify(fine, sides, issued_t_s, encoder_rad, machine, rules.limits, rules.mask, gain, lag, slew, cost)
+    return certify(
+        fine, sides, issued_t_s, encoder_rad, machine, rules.limits, rules.mask, gain, lag, slew, cost, rules.mount
+    )
 
 
 @dataclass(frozen=True, kw_only=True)

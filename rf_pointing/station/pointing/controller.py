@@ -21,6 +21,7 @@ import numpy as np
 
 from rf_pointing.calibration import BiasModel
 from rf_pointing.core import JointReading, JointTrajectory, Mode, PointingError, Sensor, Target, require_choice
+from rf_pointing.core.kinematics import LEVEL
 from rf_pointing.core.pass_outcome import LOSS_OF_SIGNAL, SCANNED
 from rf_pointing.ephemeris import Pass
 from rf_pointing.ephemeris.solar import SolarDirection, SunPermit
@@ -63,8 +64,8 @@ class PointingController:
     def __init__(self, params: ControllerParams) -> None:
         self.params = params
         self.plan = PassPlan(
-            params.machine, params.mask, params.gate, params.limits, SolarDirection(params.sun),
-            params.pointing.on_target_rad,
+            params.machine, params.mask, params.gate, params.limits, SolarDirection(params.sun, params.kinematics),
+            params.pointing.on_target_rad, params.kinematics,
         )  # fmt: skip
         self._scans = Scans(params.spiral, params.calibration.scan, params.watch.probe, params)
         self.corrections = PointingCorrections(params.integrator, self._scans, params.trim)
@@ -149,6 +150,7 @@ class PointingController:
         """Note where the target will be; other targets are ignored."""
         if self._pass is None or target.name != self._pass.name:
             return
+        target = self.plan.mount.of_axes(target)
         self._motion.targets.add(target)
         if target.uncertainty is not None:
             right = target.azimuth_rate_rad_s * math.cos(target.elevation_rad)
@@ -209,6 +211,10 @@ class PointingController:
         if self.antenna.fault:
             raise ValueError(f"the antenna has a latched fault ({self.antenna.fault}); reset it first")
         self.carrier.require_level(window, sensor, self._mode.params, self.plan.profile_of(window))
+        if scan is not None and not self.plan.mount.level:
+            raise ValueError(
+                f"scan: its frames are those of azimuth and elevation, the mount is {self.plan.mount.type}"
+            )
         program = None if scan is None else ScanProgram(scan)
         if program is not None:
             self._require_scan(t_s, window, program)
@@ -217,7 +223,7 @@ class PointingController:
         axes, known = self._motion.axes, self.plan.profile_of(window) is not None
         self._turns_rad = self._choose_turn(t_s, window, axes, sensor) if axes is not None and known else None
         self._sensor, self._started_s = sensor, t_s
-        self._pass, self._stopping = window, ""
+        self._pass, self._stopping = self.plan.seen(window), ""
         self._motion.restart()
         if self._turns_rad is not None:
             self._motion.resume(t_s)
@@ -250,6 +256,7 @@ class PointingController:
             profile = self.plan.profile_of(self._pass)
             self.carrier.require_level(self._pass, self._sensor, self._mode.params, profile)
             self._turns_rad = self._choose_turn(t_s, self._pass, axes, self._sensor)
+            self._pass = self.plan.seen(self._pass)
             self._motion.resume(t_s)
         except ValueError as refused:
             self._stopping = str(refused)
@@ -402,7 +409,7 @@ class PointingController:
         cost = sensor_cost(looks, self._scans, self.params.trim, table, motion)
         if prior is not self.params.trim:
             latitude_rad, begin_s = self.plan.sun.site.latitude_rad, max(t_s, window.aos_t_s)
-            found = uncertain_cost(looks, self._scans, prior, table, profile, latitude_rad, begin_s)
+            found = uncertain_cost(looks, self._scans, prior, table, profile, latitude_rad, begin_s, self.plan.mount)
             cost = replace(found, fresh=cost)
         if own:
             beamwidth_rad = self.corrections.half_power_beamwidth_rad
@@ -450,6 +457,11 @@ class PointingController:
         self._alarm, centre = self._alarm_of(t_s, window, axes), self._motion.centre_rad(t_s)
         correction = self.corrections.correction_rad(t_s)
         sky = self._motion.sky_rad(t_s, window, correction)
+        # A pass without its certificate is still on the sky.
+        mount = LEVEL if self._turns_rad is None else self.plan.mount
+        azimuth_rad, elevation_rad = float(sky[0]), float(sky[1])
+        if not mount.level:
+            azimuth_rad, elevation_rad = mount.sky_at(azimuth_rad, elevation_rad)
         axis_error = np.zeros(2) if axes.error_rad is None else axes.error_rad
         offset = self.corrections.shown_rad(t_s)
         shown = np.array([error.cross_elevation_rad, error.elevation_rad]) if sensed and error else axis_error
@@ -460,8 +472,8 @@ class PointingController:
             target=window.name if window else "",
             reason=state.reason,
             los_t_s=window.los_t_s if window else 0.0,
-            azimuth_rad=float(sky[0]),
-            elevation_rad=float(sky[1]),
+            azimuth_rad=azimuth_rad,
+            elevation_rad=elevation_rad,
             scan_centre_rad=centre,
             cross_elevation_error_rad=float(shown[0]),
             elevation_error_rad=float(shown[1]),

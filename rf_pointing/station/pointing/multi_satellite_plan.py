@@ -196,7 +196,7 @@ class AntennaDay:
         self.barred: dict[int, str] = {}
         self.certified: list[tuple[int, CataloguePass, Certificate, PassProfile]] = []
         for k, window in enumerate(self.wanted):
-            if not _turns(window, self.antenna.rules.limits):
+            if not _turns(window, self.antenna.rules):
                 self.barred[k] = _no_turn(window, self.antenna.rules.limits)
 
     def _open_parts(self, window: CataloguePass) -> list[CataloguePass]:
@@ -229,7 +229,7 @@ class AntennaDay:
         return Candidate(
             name=window.name, aos_t_s=window.aos_t_s, los_t_s=window.los_t_s, peak_rad=window.peak_elevation_rad,
             # Above a whole number below: what stays up lends its time to passes of its priority.
-            priority=wish.priority - 0.5 * self._is_long(window), turns=_turns(window, self.antenna.rules.limits),
+            priority=wish.priority - 0.5 * self._is_long(window), turns=_turns(window, self.antenna.rules),
         )  # fmt: skip
 
     def candidates(self) -> list[Candidate]:
@@ -453,14 +453,14 @@ class _Certificates:
                 stays = self.passes(window.target, begin_s, end_s - begin_s, least)
                 if not stays:
                     break
-                starts = (turn[0] for turn in _turns(stays[0], self._rules.limits))
+                starts = (turn[0] for turn in _turns(stays[0], self._rules))
                 slew_s = min((axes.slew_s(time.from_rad, start) for start in starts), default=math.inf)
                 late_s = time.begin_s + gap_s + MARGIN_S + slew_s - stays[0].aos_t_s
                 if late_s <= 0.0:
                     break
                 begin_s, stays = stays[0].aos_t_s + max(1.0, min(late_s, JOIN_STEP_S)), []
             if stays and time.to_rad is not None:
-                ends = (turn[1] for turn in _turns(stays[-1], self._rules.limits))
+                ends = (turn[1] for turn in _turns(stays[-1], self._rules))
                 slew_s = min((axes.slew_s(end, time.to_rad) for end in ends), default=math.inf)
                 end_s = min(end_s, time.end_s - gap_s - MARGIN_S - slew_s)
                 lasts = end_s - begin_s > max(shortest_s, LEAST_SEARCH_S)
@@ -499,6 +499,12 @@ def turns_of(
     return turns_within(limits, path, elevations) or tuple(itertools.product(rises, sets))
 
 
-def _turns(window: CataloguePass, limits: AxisLimits) -> tuple[tuple[Pair, Pair], ...]:
+def _turns(window: CataloguePass, rules: PlanningRules) -> tuple[tuple[Pair, Pair], ...]:
     elevations = window.aos_elevation_rad, window.los_elevation_rad
-    return turns_of(limits, window.azimuth_path_rad, elevations)
+    if rules.mount.level:
+        return turns_of(rules.limits, window.azimuth_path_rad, elevations)
+    # What lies between both ends is for the certificate to judge.
+    azimuths = window.azimuth_path_rad[0], window.azimuth_path_rad[-1]
+    (rise, low), (set_, high) = map(rules.mount.axes_at, azimuths, elevations)
+    rise, set_ = math.remainder(rise, math.tau), math.remainder(set_, math.tau)
+    return turns_of(rules.limits, (rise, min(rise, set_), max(rise, set_), set_), (low, high))

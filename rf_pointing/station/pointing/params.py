@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 from rf_pointing.controllers import TrackerIntegratorParams
 from rf_pointing.core import Params, parameter
+from rf_pointing.core.kinematics import Kinematics
 from rf_pointing.ephemeris.solar import SunParams
 from rf_pointing.planning import AxisLimits, GateParams, HorizonMask, MachineParams
 from rf_pointing.rf import LinkParams
@@ -82,6 +83,7 @@ class ControllerParams(PowerTrackerParams):
     spiral: SpiralParams = parameter(SpiralParams(), "search pattern")
     machine: MachineParams = parameter(MachineParams(), "what the axes can do, for the certificate")
     mask: HorizonMask = parameter(HorizonMask(), "horizon of the site")
+    kinematics: Kinematics = parameter(Kinematics(), "how the axes lie")
     calibration: MonopulseScanParams = parameter(MonopulseScanParams(), "calibration scan of the feed")
     trim: TrimParams = parameter(TrimParams(), "filter of the ephemeris error")
     watch: LockWatchParams = parameter(LockWatchParams(), "watch on the monopulse lock")

@@ -9,7 +9,8 @@ import numpy as np
 
 from rf_pointing.calibration import BiasModel
 from rf_pointing.controllers import CommandPreprocessor, CommandPreprocessorParams
-from rf_pointing.core import AXES, JointReading, Motion, nearest_turn_rad
+from rf_pointing.core import JointReading, Motion, nearest_turn_rad
+from rf_pointing.core.kinematics import LEVEL, Kinematics
 from rf_pointing.core.signals import DESIGNATED
 from rf_pointing.core.types import Array, Pair
 from rf_pointing.ephemeris import Pass
@@ -106,8 +107,9 @@ class PassPlan:
         limits: AxisLimits,
         sun: SolarDirection,
         on_target_rad: float,
+        mount: Kinematics = LEVEL,
     ) -> None:
-        self.machine, self.mask, self._gate_params, self.sun = machine, mask, gate, sun
+        self.machine, self.mask, self._gate_params, self.sun, self.mount = machine, mask, gate, sun, mount
         self._profiles: list[PassProfile] = []
         self.certificate: Certificate | None = None
         self.retune(limits, on_target_rad)
@@ -115,12 +117,22 @@ class PassPlan:
 
     def retune(self, limits: AxisLimits, on_target_rad: float) -> None:
         """Use these limits of travel, and this distance at which a slew is over, from now on."""
-        self._limits, self.gate = limits, Gate(self._gate_params, limits, self.mask, self.machine.axes)
+        self._limits, self.gate = limits, Gate(self._gate_params, limits, self.mask, self.machine.axes, self.mount)
         self._near_rad = max(NEAR_RAD, on_target_rad)
 
     def take_profiles(self, profiles: list[PassProfile]) -> None:
-        """Replace the profiles of the coming passes."""
-        self._profiles = profiles
+        """Replace the profiles of the coming passes, which are on the sky."""
+        self._profiles = [each.on(self.mount) for each in profiles]
+
+    def seen(self, window: Pass) -> Pass:
+        """Return the pass in hand in the angles of the mount's axes, as its profile."""
+        if self.mount.level or self.profile is None:
+            return window
+        first = self.profile.position_rad[:, 0]
+        return replace(
+            window, aos_azimuth_rad=float(first[0]), aos_elevation_rad=float(self.profile.position_rad[0, 1]),
+            los_azimuth_rad=float(first[-1]), azimuth_min_rad=float(first.min()), azimuth_max_rad=float(first.max()),
+        )  # fmt: skip
 
     def forget(self) -> None:
         """Forget the certificate too: one that is refused must not leave that of the last pass."""
@@ -168,7 +180,7 @@ class PassPlan:
         self.profile = fine = profile.resampled()
         # What has no orbit is not early or late on a path that is known.
         self.path = None if led else TrackPath(
-            fine.t_s, fine.position_rad, fine.range_m, self.sun.site.latitude_rad
+            fine.t_s, fine.position_rad, fine.range_m, self.sun.site.latitude_rad, self.mount
         )  # fmt: skip
         self._judged = profile
         self.certificate, hint = self._certified(
@@ -200,7 +212,7 @@ class PassPlan:
         rules = PlanningRules(
             model=model, machine=machine, mask=self.mask,
             limits=self._limits.direct() if direct else self._limits, gate=self._gate_params,
-            lag_averaging_s=lag_averaging_s,
+            lag_averaging_s=lag_averaging_s, mount=self.mount,
         )  # fmt: skip
         azimuth, elevation = joints.position_rad.tolist()
         slew = partial(self.gate.slew, sun_rad=self.sun.avoided(t_s))
@@ -235,7 +247,7 @@ class PassPlan:
         axis = int(np.argmax(needed / most))
         return (
             f"{lost_s:.0f} s of the next {left_s:.0f} s would be lost: the target needs {needed[axis]:.1f} deg/s "
-            f"of {AXES[axis]}, the axis turns at {math.degrees(most[axis]):.1f} deg/s"
+            f"of {self.mount.axes[axis]}, the axis turns at {math.degrees(most[axis]):.1f} deg/s"
         )
 
     def extended(
@@ -379,10 +391,16 @@ class PassPlan:
             reach = np.hypot(offset[:, 0] * np.cos(centre.position[:, 1]), offset[:, 1])
             offset = offset * np.minimum(1.0, room / np.maximum(reach, 1e-9))[:, None]
         position = centre.position + offset
+        if not self.mount.level:
+            # The horizon bends across the axes: what would look below it stays with the target.
+            low = ForbiddenSky(self.mask, 0.0, self.mount).under_mask_all(position) > -SEARCH_CLEARANCE_RAD
+            position = np.where(low[:, None], centre.position, position)
         (left, bottom), (right, top) = self._limits.lowest_rad, self._limits.highest_rad
         if self.course.direct and not self.course.plunge_at(t_s):
             position[:, 0] = np.clip(position[:, 0], left, right)
-            lowest = np.maximum(self.mask.lowest_all(position[:, 0]) + SEARCH_CLEARANCE_RAD, bottom)
+            lowest = np.full(len(position), bottom)
+            if self.mount.level:
+                lowest = np.maximum(self.mask.lowest_all(position[:, 0]) + SEARCH_CLEARANCE_RAD, bottom)
             # A target that rises is met where it is, however low.
             lowest = np.minimum(lowest, centre.position[:, 1])
             position[:, 1] = np.clip(position[:, 1], lowest, min(top, 0.5 * math.pi))
@@ -419,6 +437,8 @@ class PassPlan:
                 return profile
             ends_s = max(window.aos_t_s, float(profile.t_s[0])), min(window.los_t_s, float(profile.t_s[-1]))
             piece = profile.between(*ends_s)
+            if not self.mount.level:
+                return piece
             # The whole pass may have crossed north before: the turns are those of the window.
             turns = round((window.aos_azimuth_rad - float(piece.position_rad[0, 0])) / math.tau)
             return replace(piece, position_rad=piece.position_rad + np.array([turns * math.tau, 0.0]))

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from rf_pointing.calibration import BiasModel, LagHistory, LagState, without_lags
 from rf_pointing.core import JointReading, Motion, Quintic, Target, nearest_turn_rad
-from rf_pointing.core.types import Array
+from rf_pointing.core.types import TURN, Array
 from rf_pointing.planning import PassProfile, plunged
 from rf_pointing.station.pointing.branch import TrackingBranch
 
@@ -173,7 +173,10 @@ def axis_motion(sky: Motion, model: BiasModel, *, plunge: bool = False) -> Motio
     """
     motion = Motion(*plunged(*sky)) if plunge else sky
     try:
-        return Motion(*model.apply_moving(*motion))
+        found = Motion(*model.apply_moving(*motion))
+        # The upper axis of other mounts than azimuth and elevation goes on beyond 180 deg.
+        found.position[:, 1] += TURN * np.round((motion.position[:, 1] - found.position[:, 1]) / TURN)
+        return found
     except ValueError:
         # Model terms in tan(elevation) grow without bound towards the zenith.
         low = sky.position.copy()

@@ -12,6 +12,7 @@ import math
 import numpy as np
 
 from rf_pointing.core import MU, Mode, random_stream
+from rf_pointing.core.kinematics import LEVEL, Kinematics
 from rf_pointing.core.pass_outcome import received_power
 from rf_pointing.core.types import Array
 from rf_pointing.planning import PassProfile, SensorCost
@@ -30,14 +31,14 @@ PROMISED = 0.9
 
 def uncertain_cost(
     sensor: SensorTraits | None, scans: Scans, prior: TrimParams, table: AutotrackParams, profile: PassProfile,
-    latitude_rad: float, begin_s: float,
+    latitude_rad: float, begin_s: float, mount: Kinematics = LEVEL,
 ) -> SensorCost:  # fmt: skip
     """Return what a sensor costs on a pass, from `begin_s` on, whose target is known like `prior`.
 
     None: the prediction alone is followed, and its error stays.
     """
     beamwidth, fine = scans.spiral.half_power_beamwidth_rad, profile.resampled()
-    path = TrackPath(fine.t_s, fine.position_rad, fine.range_m, latitude_rad)
+    path = TrackPath(fine.t_s, fine.position_rad, fine.range_m, latitude_rad, mount)
     count = max(math.ceil((float(fine.t_s[-1]) - begin_s) / STEP_S), 2)
     times: Array = np.asarray(begin_s + STEP_S * np.arange(count), dtype=np.float64)
     errors = _errors_rad(times, path, fine, prior)

@@ -7,6 +7,7 @@ import yaml
 
 from rf_pointing.station.description import read_station, station_from
 from rf_pointing.station.description.description import StationDescription
+from rf_pointing.station.description.remarks import remarks as remarks_of
 
 TEXT = """\
 version: 1
@@ -81,7 +82,7 @@ REMARKS = {
 
 
 def remarks(station: StationDescription, band: str | None = None) -> list[str]:
-    return list(station.remarks(band))
+    return list(remarks_of(station, band))
 
 
 def test_remarks_are_those_of_the_band_and_of_the_mount() -> None:

@@ -1,0 +1,241 @@
+"""Kinematics of any mount with two crossed axes: directions on the sky and angles of the axes.
+
+A mount is a chain of rotations.  Fixed ones turn the frame of the sky (east, north, up) into that
+of the mount (right, ahead, pole); in it the lower axis turns about the pole by a, the upper one
+lifts the beam towards the pole by b:
+
+    u = B (cos b sin a, cos b cos a, sin b),   B = R_1 R_2 ...
+
+So every mount is one of azimuth and elevation whose vertical points elsewhere, and a row of
+`CHAINS` is all that is special about it.  Its keyholes are the two ends of the pole.  (a + 180 deg,
+180 deg - b) is the same direction with the dish over its back.
+
+The X-Y mount is that of Rolinski, Carlson and Coates, The X-Y antenna mount for data acquisition
+from satellites, IRE Trans. SET-8 (1962) 159.
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple, Self
+
+import numpy as np
+
+from rf_pointing.core.angles import azel_from_unit_vector, unit_vector_from_azel
+from rf_pointing.core.mount_types import AZIMUTH_ELEVATION, LOWER_AXES, MOUNTS
+from rf_pointing.core.parameters import Params, parameter
+from rf_pointing.core.signals import Target
+from rf_pointing.core.types import Array, Pair
+
+Triple = tuple[Array, Array, Array]
+EAST, NORTH, UP = range(3)
+# Closer to a pole of the Earth an hour angle has no zero.
+POLAR_RAD = math.radians(89.9)
+
+
+class Turn(NamedTuple):
+    """One rotation of a chain, right-handed about an axis of the frame before it."""
+
+    axis: int
+    angle_rad: float
+
+    def matrix(self) -> Array:
+        """Return the rotation (3, 3)."""
+        found, (second, third) = np.eye(3), ((self.axis + 1) % 3, (self.axis + 2) % 3)
+        cosine, sine = math.cos(self.angle_rad), math.sin(self.angle_rad)
+        found[[second, third], [second, third]] = cosine
+        found[second, third], found[third, second] = -sine, sine
+        return found
+
+
+def _x_y(mount: "Kinematics") -> tuple[Turn, ...]:
+    # Both axes are 0 at the zenith; X is positive to the north or east, Y to the east or north.
+    quarter = 0.5 * math.pi
+    if mount.lower_axis == LOWER_AXES[0]:
+        return Turn(NORTH, quarter), Turn(UP, quarter)
+    return Turn(EAST, quarter), Turn(NORTH, math.pi)
+
+
+CHAINS: Mapping[str, Callable[["Kinematics"], tuple[Turn, ...]]] = {
+    AZIMUTH_ELEVATION: lambda _: (),
+    "x_y": _x_y,
+    "ha_dec": lambda mount: (Turn(EAST, mount.latitude_rad - 0.5 * math.pi), Turn(UP, math.pi)),
+    "azimuth_elevation_tilt": lambda mount: (
+        Turn(UP, -mount.train_rad),
+        Turn(EAST, -mount.tilt_rad),
+    ),
+}
+"""The fixed rotations of every mount of `MOUNTS`."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Kinematics(Params):
+    """One mount: its type and the angles of its chain.
+
+    `to_axes` and `to_sky` undo each other.  A motion is position, velocity and acceleration
+    (n, 2) each; rates and accelerations are exact.
+    """
+
+    type: str = parameter(AZIMUTH_ELEVATION, "how the axes lie", choices=MOUNTS)
+    lower_axis: str = parameter(LOWER_AXES[0], "direction of the lower axis of an X-Y mount", choices=LOWER_AXES)
+    latitude_rad: float = parameter(0.0, "latitude, for the polar axis of a mount of hour angle and declination",
+                                    low=-0.5 * math.pi, high=0.5 * math.pi)  # fmt: skip
+    tilt_rad: float = parameter(0.0, "angle by which the azimuth axis leans", low=0.0, high=0.8)
+    train_rad: float = parameter(0.0, "azimuth to which it leans", low=-20.0, high=20.0)
+
+    def check_together(self) -> None:
+        """Refuse a polar mount at a pole of the Earth."""
+        if MOUNTS[self.type].polar and abs(self.latitude_rad) > POLAR_RAD:
+            raise ValueError(
+                f"latitude_deg={math.degrees(self.latitude_rad):g} must be within +-{math.degrees(POLAR_RAD):g} for "
+                f"type={self.type}: nearer to a pole of the Earth the hour angle has no zero"
+            )
+
+    @property
+    def axes(self) -> tuple[str, str]:
+        """Names of the lower and the upper axis."""
+        return MOUNTS[self.type].axes
+
+    @cached_property
+    def matrix(self) -> Array:
+        """The fixed rotations B (3, 3): its columns are the mount's right, ahead and pole."""
+        found = np.eye(3)
+        for turn in CHAINS[self.type](self):
+            found = found @ turn.matrix()
+        # Quarter turns leave 6e-17 where a zero belongs.
+        found = np.where(np.abs(found) < 1e-15, 0.0, found)
+        return found * np.array([-1.0, 1.0, 1.0]) if self.lower_axis == MOUNTS[self.type].reversed_by else found
+
+    @cached_property
+    def level(self) -> bool:
+        """Whether the axes are azimuth and elevation: every direction is its own axis angles."""
+        return bool(np.array_equal(self.matrix, np.eye(3)))
+
+    def to_axes(self, position: Array, velocity: Array, acceleration: Array) -> Triple:
+        """Return the motion of the axes for a motion on the sky, the first angle continuous."""
+        return self._turned(self.matrix, position, velocity, acceleration)
+
+    def to_sky(self, position: Array, velocity: Array, acceleration: Array) -> Triple:
+        """Return the motion on the sky of a motion of the axes; the inverse of `to_axes`."""
+        return self._turned(self.matrix.T, position, velocity, acceleration)
+
+    def axes_at(self, azimuth_rad: float, elevation_rad: float) -> Pair:
+        """Return the axis angles of a direction, the first within [0, 2 pi)."""
+        return self._pointed(self.matrix, azimuth_rad, elevation_rad)
+
+    def sky_at(self, first_rad: float, second_rad: float) -> Pair:
+        """Return azimuth and elevation, at most 90 deg, of axis angles; undoes `axes_at`."""
+        return self._pointed(self.matrix.T, first_rad, second_rad)
+
+    def skies(self, axes_rad: Array) -> Array:
+        """Return azimuth, in [0, 2 pi), and elevation (..., 2) of axis angles (..., 2)."""
+        vectors = unit_vector_from_azel(axes_rad[..., 0], axes_rad[..., 1]) @ self.matrix.T
+        return np.stack(azel_from_unit_vector(vectors), axis=-1)
+
+    def keyholes_rad(self) -> list[Pair]:
+        """Return azimuth and elevation of the poles at or above the horizon: 1 or 2."""
+        ends = [self.sky_at(0.0, side * 0.5 * math.pi) for side in (1.0, -1.0)]
+        return [end for end in ends if end[1] > -1e-9]
+
+    def leaning_from(self, azimuth_rad: float) -> tuple[Self, ...]:
+        """Return the mounts to choose from for a pass that culminates at an azimuth.
+
+        A tilt axis leans away from a pass or towards it: that moves the keyhole furthest from it,
+        or lifts a low one above the axis's end.
+        """
+        if self.tilt_rad == 0.0:
+            return (self,)
+        return tuple(self.replace(train_rad=math.remainder(azimuth_rad + turn, math.tau)) for turn in (math.pi, 0.0))
+
+    def across(self, azimuth_rad: float, elevation_rad: float) -> Array:
+        """Return the matrix (2, 2) from sky to mount of small offsets at a direction.
+
+        Offsets are across and along the upper axis: cross-elevation and elevation on the sky.
+        """
+        first, second = self.axes_at(azimuth_rad, elevation_rad)
+        sky, own = _tangents(azimuth_rad, elevation_rad), _tangents(first, second)
+        return np.asarray((self.matrix @ own.T).T @ sky.T)
+
+    def of_axes(self, target: Target) -> Target:
+        """Return a target on the sky in the angles of the axes, its uncertainty too."""
+        if self.level:
+            return target
+        position, velocity, acceleration = self.to_axes(
+            np.array([[target.azimuth_rad, target.elevation_rad]]),
+            np.array([[target.azimuth_rate_rad_s, target.elevation_rate_rad_s]]),
+            np.array([[target.azimuth_acceleration_rad_s2, target.elevation_acceleration_rad_s2]]),
+        )
+        known = target.uncertainty
+        if known is not None:
+            turn = self.across(target.azimuth_rad, target.elevation_rad)
+            known = replace(known, covariance_rad2=turn @ known.covariance_rad2 @ turn.T)
+        (first, second), (rate, climb), (bend, curve) = (
+            each[0].tolist() for each in (position, velocity, acceleration)
+        )
+        return replace(
+            target, azimuth_rad=first, elevation_rad=second, azimuth_rate_rad_s=rate, elevation_rate_rad_s=climb,
+            azimuth_acceleration_rad_s2=bend, elevation_acceleration_rad_s2=curve, uncertainty=known,
+        )  # fmt: skip
+
+    def _turned(self, matrix: Array, position: Array, velocity: Array, acceleration: Array) -> Triple:
+        if self.level:
+            return position, velocity, acceleration
+        found = motion_of_vectors(*(each @ matrix for each in vectors_of_motion(position, velocity, acceleration)))
+        found[0][:, 0] = np.unwrap(found[0][:, 0])
+        return found
+
+    def _pointed(self, matrix: Array, first: float, second: float) -> Pair:
+        if self.level and second <= 0.5 * math.pi:
+            return first, second
+        azimuth, elevation = azel_from_unit_vector(unit_vector_from_azel(first, second) @ matrix)
+        return float(azimuth), float(elevation)
+
+
+LEVEL = Kinematics()
+"""Elevation over azimuth."""
+
+
+def _tangents(first: float, second: float) -> Array:
+    """Return the unit vectors (2, 3) across and along the upper axis."""
+    sine, cosine, rise, level = math.sin(first), math.cos(first), math.sin(second), math.cos(second)
+    return np.array([[cosine, -sine, 0.0], [-rise * sine, -rise * cosine, level]])
+
+
+def vectors_of_motion(position: Array, velocity: Array, acceleration: Array) -> tuple[Array, Array, Array]:
+    """Return the unit vectors (n, 3) of moving directions (n, 2), with both derivatives.
+
+    The inverse is `motion_of_vectors`.
+    """
+    (sa, sh), (ca, ch) = np.sin(position).T, np.cos(position).T
+    w, v = velocity.T
+    dw, dv = acceleration.T
+    east, north = sa * ch, ca * ch
+    u = np.stack([east, north, sh], axis=1)
+    du = np.stack([w * north - v * sa * sh, -w * east - v * ca * sh, v * ch], axis=1)
+    ddu = np.stack(
+        [
+            dw * north - w**2 * east - 2.0 * w * v * ca * sh - dv * sa * sh - v**2 * east,
+            -dw * east - w**2 * north + 2.0 * w * v * sa * sh - dv * ca * sh - v**2 * north,
+            dv * ch - v**2 * sh,
+        ],
+        axis=1,
+    )
+    return u, du, ddu
+
+
+def motion_of_vectors(u: Array, du: Array, ddu: Array) -> tuple[Array, Array, Array]:
+    """Return the angles (n, 2) of moving vectors (n, 3), their rates and accelerations."""
+    (x, y, z), (dx, dy, dz), (ddx, ddy, ddz) = u.T, du.T, ddu.T
+    # At the zenith itself azimuth is undefined; a nanoradian keeps its rates finite.
+    level2 = np.maximum(x**2 + y**2, 1e-18)
+    level = np.sqrt(level2)
+    azimuth, elevation = np.arctan2(x, y), np.arctan2(z, level)
+    w = (y * dx - x * dy) / level2
+    dlevel = (x * dx + y * dy) / level
+    dw = (y * ddx - x * ddy) / level2 - 2.0 * w * dlevel / level
+    ddlevel = (dx**2 + dy**2 + x * ddx + y * ddy - dlevel**2) / level
+    r2 = level2 + z**2
+    v = (level * dz - z * dlevel) / r2
+    dv = (level * ddz - z * ddlevel) / r2 - 2.0 * v * (level * dlevel + z * dz) / r2
+    return np.column_stack([azimuth, elevation]), np.column_stack([w, v]), np.column_stack([dw, dv])

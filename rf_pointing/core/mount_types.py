@@ -1,0 +1,32 @@
+"""The mounts that there are: names of their axes, and what each needs (`core/kinematics.py`)."""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from rf_pointing.core.signals import AXES
+
+AZIMUTH_ELEVATION = "azimuth_elevation"
+LOWER_AXES = ("east_west", "north_south")
+
+
+class MountType(NamedTuple):
+    """Names of the lower and upper axis, and the keys that the mount alone has.
+
+    A `polar` one needs its latitude; its lower axis turns the other way than azimuth does where it
+    is `reversed_by` its direction.
+    """
+
+    axes: tuple[str, str]
+    keys: tuple[str, ...] = ()
+    polar: bool = False
+    reversed_by: str = ""
+
+
+MOUNTS: Mapping[str, MountType] = {
+    AZIMUTH_ELEVATION: MountType(AXES),
+    "x_y": MountType(("x", "y"), ("lower_axis",), reversed_by=LOWER_AXES[1]),
+    # Hour angle positive to the west, declination to the north.
+    "ha_dec": MountType(("hour_angle", "declination"), polar=True),
+    "azimuth_elevation_tilt": MountType(AXES, ("tilt_deg",)),
+}
+"""Every mount by the word of a station description."""

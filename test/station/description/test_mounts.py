@@ -1,0 +1,191 @@
+"""Mounts in a description: their keys, every contradiction in words, and who refuses them."""
+
+import copy
+import dataclasses
+import importlib
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+from rf_pointing.api.station import Station
+from rf_pointing.api.target import elements
+from rf_pointing.commands import check_drive, check_station
+from rf_pointing.core import angular_distance_rad
+from rf_pointing.core.mount_types import MOUNTS
+from rf_pointing.station.derive.nodes import NODES
+from rf_pointing.station.description import StationError, station_from
+from rf_pointing.station.description.description import KNOWS_EVERY_MOUNT, StationDescription
+from rf_pointing.station.description.urdf import urdf
+
+AXIS = {"rate_deg_s": 3.0, "acceleration_deg_s2": 3.0}
+MOUNT_OF: dict[str, dict[str, Any]] = {
+    "azimuth_elevation": {"azimuth": {"travel_deg": [-270, 270], **AXIS}, "elevation": {"travel_deg": [0, 90], **AXIS}},
+    "x_y": {"lower_axis": "east_west",
+            "axes": {"x": {"travel_deg": [-86, 86], **AXIS}, "y": {"travel_deg": [-86, 86], **AXIS}}},
+    "ha_dec": {"axes": {"hour_angle": {"travel_deg": [-185, 185], **AXIS},
+                        "declination": {"travel_deg": [-95, 95], **AXIS}}},
+    "azimuth_elevation_tilt": {"tilt_deg": 7.0, "azimuth": {"travel_deg": [-270, 270], **AXIS},
+                               "elevation": {"travel_deg": [-8, 98], **AXIS}},
+}  # fmt: skip
+
+
+def description(kind: str, mount: dict[str, Any], latitude: float = 48.1) -> str:
+    return yaml.safe_dump({
+        "version": 1, "name": "Mine", "site": {"latitude_deg": latitude, "longitude_deg": 11.6},
+        "dish": {"diameter_m": 3.7}, "mount": {"type": kind, **mount}, "bands": {"X": {"frequency_mhz": 8200}},
+    })  # fmt: skip
+
+
+def read(folder: Path, kind: str, latitude: float = 48.1, **mount: Any) -> StationDescription:
+    return station_from(folder / "s.yaml", description(kind, MOUNT_OF[kind] | mount, latitude))
+
+
+@pytest.fixture(params=[kind for kind in MOUNTS if kind != "azimuth_elevation"])
+def other(tmp_path: Path, request: pytest.FixtureRequest) -> StationDescription:
+    return read(tmp_path, request.param)
+
+
+@pytest.mark.parametrize(
+    ("kind", "changes", "latitude", "problems"),
+    [
+        ("x_y", {"axes": {}}, 48.0, ["mount.axes.x is missing: type=x_y has the axes x and y",
+                                     "mount.axes.y is missing: type=x_y has the axes x and y"]),
+        ("x_y", {"lower_axis": "up"}, 48.0, ["mount.lower_axis='up' must be one of east_west, north_south"]),
+        ("x_y", {"tilt_deg": 7.0}, 48.0, ["mount.tilt_deg: type=x_y has no such key"]),
+        ("x_y", MOUNT_OF["azimuth_elevation"], 48.0, ["mount.azimuth: type=x_y has the axes x and y",
+                                                      "mount.elevation: type=x_y has the axes x and y"]),
+        ("x_y", {"axes": {**MOUNT_OF["x_y"]["axes"], "z": {"travel_deg": [0, 1], **AXIS}}}, 48.0,
+            ["mount.axes.z: type=x_y has the axes x and y"]),
+        ("x_y", {"axes": {"x": {"travel_deg": [100, 170], **AXIS}, "y": {"travel_deg": [-40, 40], **AXIS}}}, 48.0,
+            ["mount.axes.x.travel_deg=[100.0, 170.0] and y [-40.0, 40.0] reach -7.6 deg of elevation at most, "
+             "must be > 5, where passes begin"]),
+        ("x_y", {"axes": {"x": {"travel_rad": [-1, 1], **AXIS}, "y": {"travel_deg": [-86, 86], **AXIS}}}, 48.0,
+            ["mount.axes.x.travel_rad: no such key of mount.axes.x; did you mean travel_deg?",
+             "mount.axes.x.travel_deg is missing: lowest and highest angle that may be commanded [deg]"]),
+        ("x_y", {"axes": {"x": {"travel_deg": [-86, math.nan], **AXIS}, "y": {"travel_deg": [86, -86], **AXIS}}}, 48.0,
+            ["mount.axes.x.travel_deg[1]=nan must be finite",
+             "mount.axes.y.travel_deg=[86.0, -86.0] must rise from its lowest to its highest angle"]),
+        ("x_y", {"park_deg": [0, 88]}, 48.0, ["mount.park_deg=[0.0, 88.0]: y 88.0 must lie within its "
+                                              "travel_deg=[-86.0, 86.0]"]),
+        ("x_y", {"fixed_elevation_deg": 30.0}, 48.0,
+            ["mount.fixed_elevation_deg is for an azimuth alone, of type=azimuth_elevation"]),
+        ("ha_dec", {}, 90.0, ["mount: latitude_deg=90 must be within +-89.9 for type=ha_dec: nearer to a pole of the "
+                              "Earth the hour angle has no zero"]),
+        ("azimuth_elevation_tilt", {"tilt_deg": None}, 48.0, ["mount.tilt_deg=null must be a number"]),
+        ("azimuth_elevation", {"lower_axis": "east_west"}, 48.0,
+            ["mount.lower_axis: type=azimuth_elevation has no such key"]),
+        ("azimuth_elevation", {"axes": copy.deepcopy(MOUNT_OF["azimuth_elevation"])}, 48.0,
+            ["mount.axes.azimuth: type=azimuth_elevation has the axes azimuth and elevation",
+             "mount.axes.elevation: type=azimuth_elevation has the axes azimuth and elevation"]),
+    ],
+)  # fmt: skip
+def test_every_contradiction_is_in_one_list(
+    tmp_path: Path, kind: str, changes: dict[str, Any], latitude: float, problems: list[str]
+) -> None:
+    with pytest.raises(StationError) as caught:
+        read(tmp_path, kind, latitude, **changes)
+    assert sorted(text for _, text in caught.value.problems) == sorted(problems)
+
+
+def test_an_unknown_type_is_refused_with_those_that_there_are(tmp_path: Path) -> None:
+    with pytest.raises(StationError, match="mount.type='hexapod' must be one of azimuth_elevation, x_y, ha_dec"):
+        station_from(tmp_path / "s.yaml", description("hexapod", MOUNT_OF["x_y"]))
+
+
+def test_travel_rates_and_rest_are_those_of_the_axes_by_their_names(tmp_path: Path) -> None:
+    values = read(tmp_path, "x_y").values()
+    assert (values["limits.azimuth_max_deg"].value, values["limits.azimuth_max_deg"].key) == (
+        86.0,
+        "mount.axes.x.travel_deg",
+    )
+    assert values["kinematics.type"].value == values["safety.kinematics.type"].value == "x_y"
+    # At rest it looks at the zenith; a polar mount has it at its latitude.
+    assert [values[f"safety.{name}_deg"].value for name in ("park_azimuth", "park_elevation", "stow_elevation")] == [
+        0
+    ] * 3
+    polar = read(tmp_path, "ha_dec", -31.0).values()
+    assert polar["safety.stow_elevation_deg"].value == pytest.approx(-31.0)
+    assert polar["kinematics.latitude_deg"].value == pytest.approx(-31.0)
+
+
+def test_a_bias_model_of_azimuth_and_elevation_is_not_that_of_another_mount(tmp_path: Path) -> None:
+    text = description("x_y", MOUNT_OF["x_y"]).replace(
+        "frequency_mhz: 8200", "{frequency_mhz: 8200, bias_model: a.yaml}"
+    )
+    text = text.replace("X:\n    {", "X: {")
+    with pytest.raises(
+        StationError,
+        match="bands.X.bias_model: its terms are those of mount.type=azimuth_elevation",
+    ):
+        station_from(tmp_path / "s.yaml", text)
+
+
+@pytest.mark.parametrize("node", sorted(set(NODES) - KNOWS_EVERY_MOUNT))
+def test_every_node_that_knows_azimuth_and_elevation_alone_refuses_by_name(
+    other: StationDescription, node: str
+) -> None:
+    kind = other.content.mount.type
+    with pytest.raises(ValueError, match=f"{node} knows mounts of type azimuth_elevation alone: .* is {kind}"):
+        other.require_mount(node)
+
+
+def test_whatever_would_move_or_fit_azimuth_and_elevation_refuses_it_by_name(
+    other: StationDescription, tmp_path: Path
+) -> None:
+    station, target = Station(other), elements("CBERS 2")
+    (tmp_path / "s.yaml").write_text(description(other.content.mount.type, MOUNT_OF[other.content.mount.type]))
+    requests, scan, service, network, tuning, calibration, campaign = (
+        importlib.import_module(f"rf_pointing.{name}")
+        for name in ("api.requests", "api.scan", "api.service", "api.network", "api.tuning", "api.calibration",
+                     "commands.plan_calibration")
+    )  # fmt: skip
+    file, nothing = (
+        str(tmp_path / "s.yaml"),
+        dict.fromkeys(item.name for item in dataclasses.fields(campaign.CampaignRequest)),
+    )
+    for user, attempt in {
+        "track": lambda: requests.TrackRequest(station=station, target=target),
+        "designate": lambda: requests.DesignateRequest(station=station),
+        "calibrate": lambda: requests.CalibrateRequest(station=station),
+        "identify_antenna": lambda: requests.IdentifyRequest(station=station),
+        "scan": lambda: scan.ScanRequest(station=station, target=target),
+        "a service": lambda: service.make_service(station, target, 0.0),
+        "a network plan": lambda: network.plan_network([station, station], [target]),
+        "tune": lambda: tuning.tune(station),
+        "a fit of the bias model": lambda: calibration.fit([], station),
+        "plan_calibration": lambda: campaign.CampaignRequest(**(nothing | {"station": station})),
+        "check_drive": lambda: check_drive.read_drive([], file),
+        "the URDF": lambda: urdf(other),
+    }.items():
+        with pytest.raises(ValueError, match=f"^{user} knows mounts of type azimuth_elevation alone"):
+            attempt()
+
+
+def test_passes_of_any_mount_are_certified_in_the_angles_of_its_axes(
+    other: StationDescription, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The axes of the chosen branch look where the target is, but for what the certificate says is off."""
+    path = tmp_path / "s.yaml"
+    path.write_text(description(other.content.mount.type, MOUNT_OF[other.content.mount.type]))
+    with pytest.raises(SystemExit) as ended:
+        check_station.main([str(path)])
+    assert ended.value.code == 0
+    assert "a keyhole at elevation" in capsys.readouterr().out
+    station, target = Station(other), elements("CBERS 2")
+    found = [station.certificate(one) for one in station.passes(target, days=2)]
+    taken = [each for each in found if each.accepted]
+    assert len(taken) >= len(found) - 1
+    for each in taken:
+        assert each.chosen is not None
+        assert each.chosen.axes_rad is not None
+        sky, profile = each.certificate.mount.skies(each.chosen.axes_rad), each.planned.profile
+        off = angular_distance_rad(*sky.T, *profile.position_rad.T)
+        # A second more than the crossing: it is left and joined on the target.
+        assert float(np.sum(off > 1e-6)) * 0.1 <= each.chosen.keyhole_s * 1.2 + 8.0 * (each.chosen.keyhole_s > 0.0)
+        assert each.certificate.sky_peak_rad == pytest.approx(float(profile.position_rad[:, 1].max()), abs=1e-9)
+    plan = station.plan([target], start_t_s=target.first_t_s, hours=48.0)
+    assert sum(each.fate == "tracked" for each in plan.day.passes) == len(taken)
