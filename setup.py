@@ -35,6 +35,7 @@ EXECUTABLES = {
         "station_process",
     ],
     "commands": [
+        "budget",
         "calibrate",
         "check_drive",
         "check_receiver",

@@ -53,8 +53,8 @@ WALL_TIME = (
     "two_computers",
 )  # fmt: skip
 MINUTES = (
-    "array_trials", "ephemeris_accuracy", "ephemeris_trials", "lock_watch", "lqg_tuning", "mutants", "network_plan",
-    "plant_tuning", "scanning_campaigns", "scans", "servo_tuning", "strong_carriers", "target_uncertainty",
+    "array_trials", "ephemeris_accuracy", "ephemeris_trials", "error_ledger", "lock_watch", "lqg_tuning", "mutants",
+    "network_plan", "plant_tuning", "scanning_campaigns", "scans", "servo_tuning", "strong_carriers", "target_uncertainty",
     "tuning_trials", "zenith_passes",
 )  # fmt: skip
 PARTS = ("launched_station", "live_night", "night_simulation", "real_station")

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from rf_pointing.api.calibration import Fit, fit
+    from rf_pointing.api.ledger import budget, ledger
     from rf_pointing.api.network import NetworkPlan, plan_network
     from rf_pointing.api.orbit_study import OrbitCovariance, orbit_covariance
     from rf_pointing.api.orbits import DeterminedOrbit, orbit_from_passes
@@ -22,12 +23,14 @@ if TYPE_CHECKING:
     from rf_pointing.calibration.bias_model import BiasModel
     from rf_pointing.calibration.model_file import ModelVersion, read_model
     from rf_pointing.calibration.observations import Observations
+    from rf_pointing.report.error_ledger import Ledger
 
 __version__ = "0.1.0"
 _HOMES = {
     "BiasModel": "calibration.bias_model",
     "DeterminedOrbit": "api.orbits",
     "Fit": "api.calibration",
+    "Ledger": "report.error_ledger",
     "Look": "api.passes",
     "ModelVersion": "calibration.model_file",
     "NetworkPlan": "api.network",
@@ -42,9 +45,11 @@ _HOMES = {
     "StationPass": "api.passes",
     "Target": "api.target",
     "Tuning": "api.tuning",
+    "budget": "api.ledger",
     "catalogue": "api.target",
     "elements": "api.target",
     "fit": "api.calibration",
+    "ledger": "api.ledger",
     "orbit_covariance": "api.orbit_study",
     "orbit_from_passes": "api.orbits",
     "plan_network": "api.network",
@@ -54,10 +59,11 @@ _HOMES = {
 }
 """Every public name, and the module that it is loaded from."""
 __all__ = [
-    "BiasModel", "DeterminedOrbit", "Fit", "Look", "ModelVersion", "NetworkPlan", "Observations",
-    "OrbitCovariance", "PassCertificate", "Plan", "Recording", "Replay", "SimulatedPass", "Station",
-    "StationPass", "Target", "Tuning", "catalogue", "elements", "fit", "orbit_covariance",
-    "orbit_from_passes", "plan_network", "read_model", "replay", "tune",
+    "BiasModel", "DeterminedOrbit", "Fit", "Ledger", "Look", "ModelVersion", "NetworkPlan",
+    "Observations", "OrbitCovariance", "PassCertificate", "Plan", "Recording", "Replay",
+    "SimulatedPass", "Station", "StationPass", "Target", "Tuning", "budget", "catalogue",
+    "elements", "fit", "ledger", "orbit_covariance", "orbit_from_passes", "plan_network",
+    "read_model", "replay", "tune",
 ]  # fmt: skip
 
 if not TYPE_CHECKING:

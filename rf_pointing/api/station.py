@@ -369,15 +369,16 @@ class Station:
         if minutes is not None:
             window = dataclasses.replace(window, los_t_s=min(window.los_t_s, window.aos_t_s + 60.0 * minutes))
         chosen = self.description.chosen_sensor(sensor, self.band)
-        setup = self._setup(one, seed, tracker, changes)
+        setup = self.setup(one, seed, changes, tracker=tracker)
         log = simulate_pass(setup, window, math.floor(window.aos_t_s) - BEFORE_S, chosen)
         return SimulatedPass(one, chosen, log)
 
-    def _setup(
-        self, one: StationPass, seed: int, tracker: CarrierTracker | None,
-        changes: Mapping[str, Mapping[str, object]] | None,
+    def setup(
+        self, one: StationPass, seed: int = 1,
+        changes: Mapping[str, Mapping[str, object]] | None = None, *,
+        model: BiasModel | None = None, **more: Any,
     ) -> StationSetup:  # fmt: skip
-        """Return the simulated station for a pass of its own, with its changes."""
+        """Return the simulated station for a pass of its own; more is that of `StationSetup`."""
         self._require_mine(one)
         source = one.target.parameters
         own: dict[str, dict[str, object]] = {
@@ -386,7 +387,8 @@ class Station:
         }  # fmt: skip
         for node, values in (changes or {}).items():
             own[node] = own.get(node, {}) | dict(values)
-        return StationSetup(self.description, self.band, changes=own, model=self.model, tracker=tracker)
+        chosen = model or self.model
+        return StationSetup(self.description, self.band, changes=own, model=chosen, **more)
 
     def scan(
         self,
@@ -430,7 +432,8 @@ class Station:
         changes: Mapping[str, Mapping[str, object]],
     ) -> str:  # fmt: skip
         """Let the simulated station scan, and return "" or why the scan is not complete."""
-        setup, start_s = self._setup(one, seed, taken, changes), math.floor(one.aos_t_s) - BEFORE_S
+        setup = self.setup(one, seed, changes, tracker=taken)
+        start_s = math.floor(one.aos_t_s) - BEFORE_S
         log = simulate_pass(setup, one.window, start_s, Sensor.PROGRAM, scan=program)
         late = "it takes longer than the target is up"
         return "" if log.ended == SCANNED else log.fault or log.ended or late

@@ -1,8 +1,9 @@
 """Executable `report BAG [--output DIR]`: the report of any recorded pass, or its data.
 
 The bag is one of ours, or of `ros2 bag record -a`.  `--export csv|parquet|mat` writes the topics as
-tables with a data dictionary, `--export tdm` the tracked angles as a CCSDS message.  Other packages
-add pages, see `rf_pointing.api.recording`.
+tables with a data dictionary, `--export tdm` the tracked angles as a CCSDS message.  `--ledger`
+accounts for the pointing loss first, in minutes.  Other packages add pages, see
+`rf_pointing.api.recording`.
 """
 
 import argparse
@@ -21,12 +22,26 @@ def request_from(argv: list[str] | None = None) -> Callable[[], list[Path]]:
     add("bag", type=Path, help="directory of a rosbag2 bag")
     add("--output", type=Path, help="folder to write to (default: the folder of the bag; export below it)")
     add("--export", choices=EXPORTS, help="write the data instead of the report")
-    add("--namespace", help="which antenna is exported; needed where the bag holds several")
+    add("--namespace", help="which antenna; needed where the bag holds several")
+    add("--ledger", action="store_true", help="find what the loss comes from, in minutes")
+    add("--station", metavar="FILE|NAME", help="description for --ledger")
     options = parser.parse_args(argv)
     recording = Recording(options.bag, namespace=options.namespace)
     if options.export:
         return lambda: recording.export(options.export, options.output)
+    if options.ledger:
+        return lambda: accounted(options, recording)
     return lambda: recording.report(options.output)
+
+
+def accounted(options: argparse.Namespace, recording: Recording) -> list[Path]:
+    """Write the ledger of the pass and the report with it; return the files."""
+    # Imported here: a report alone needs no simulation.
+    from rf_pointing.api.ledger import ledger
+
+    found = ledger(options.bag, station=options.station, namespace=options.namespace)
+    print(found, flush=True)
+    return [*found.write(options.output or options.bag.parent), *recording.report(options.output)]
 
 
 def main(argv: list[str] | None = None) -> None:

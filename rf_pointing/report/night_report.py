@@ -16,6 +16,7 @@ from rf_pointing.core.dates import utc_text
 from rf_pointing.core.whole_file import DATA_BYTES, parse_json, read_whole, write_whole
 from rf_pointing.operations.alarms import AlarmBook
 from rf_pointing.operations.pass_work import PassRecord, causes_between, filler_text, fillers_of
+from rf_pointing.report.error_ledger import shorts
 from rf_pointing.report.html import render
 
 STALE_H = 48.0
@@ -166,9 +167,11 @@ def _listed(names: Sequence[str], most: int = 5) -> str:
 
 def write_night(report: NightReport, folder: Path) -> None:
     """Write night.html and night.json into `folder`."""
+    causes = shorts(folder.parent / "passes", [each.id for each in report.passes if each.recorded])
     values = asdict(report) | {"tracked": report.tracked, "held_share": report.held_share}
+    values["ledgers"] = causes
     write_whole(folder / "night.json", json.dumps(values, indent=1) + "\n")
-    write_whole(folder / "night.html", page(report))
+    write_whole(folder / "night.html", page(report, causes))
     write_whole(folder.parent / "index.html", index_page(folder.parent))
 
 
@@ -193,8 +196,8 @@ def index_page(folder: Path) -> str:
     return render("nights.html", title="Nights", nights=rows)
 
 
-def page(report: NightReport) -> str:
-    """Return the HTML text of a night."""
+def page(report: NightReport, causes: Mapping[str, str] | None = None) -> str:
+    """Return the HTML text of a night; `causes` are those that cost a pass most, by its id."""
     ages = [each.element_age_h for each in report.passes if each.element_age_h is not None]
     return render(
         "night.html",
@@ -204,7 +207,7 @@ def page(report: NightReport) -> str:
         ended=_minute(report.ended_t_s),
         timeline=_timeline(report),
         oldest_h=max(ages, default=None),
-        passes=[_row(each) for each in report.passes if not each.filler],
+        passes=[_row(each, causes) for each in report.passes if not each.filler],
         fillers=[
             {"name": name, "text": filler_text(each), "pieces": list(map(_row, each))}
             for name, each in fillers_of(report.passes).items()
@@ -220,8 +223,9 @@ def page(report: NightReport) -> str:
     )  # fmt: skip
 
 
-def _row(one: PassRecord) -> dict[str, Any]:
+def _row(one: PassRecord, causes: Mapping[str, str] | None = None) -> dict[str, Any]:
     return {
+        "cause": (causes or {}).get(one.id, ""),
         "clock": _clock(one.aos_t_s)[:5], "name": one.name, "state": one.state, "why": _why(one),
         "lost_s": round(one.lost_s), "loss_db": one.loss_db,
         "held": 100.0 * one.tracked_s / max(1.0, one.los_t_s - one.aos_t_s),

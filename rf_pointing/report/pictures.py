@@ -336,12 +336,18 @@ def _has_any(*names: str) -> Callable[[Analysis], bool]:
 
 
 @dataclass(frozen=True)
-class Picture:
-    """One picture: heading, what to look at, how it is drawn, and whether a recording allows it."""
+class Caption:
+    """Name, heading and caption of a picture: the caption says where to look."""
 
     name: str
     title: str
     caption: str
+
+
+@dataclass(frozen=True)
+class Picture(Caption):
+    """One picture: how it is drawn, and whether a recording allows it."""
+
     draw: Callable[[Analysis, Path], None]
     possible: Callable[[Analysis], bool]
 
@@ -394,10 +400,10 @@ _PICTURES = (
 )
 
 
-def draw_pictures(analysis: Analysis, folder: Path) -> dict[Path, Picture]:
+def draw_pictures(analysis: Analysis, folder: Path) -> dict[Path, Caption]:
     """Draw what the recording allows as PNG files into `folder`, in the order of the report."""
     # A picture without data would look like a fault of the antenna.
     drawn = {folder / f"{picture.name}.png": picture for picture in _PICTURES if picture.possible(analysis)}
     for path, picture in drawn.items():
         picture.draw(analysis, path)
-    return drawn
+    return dict(drawn)

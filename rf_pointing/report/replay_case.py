@@ -62,7 +62,7 @@ class RecordedCase:
         self.recorded_target = isinstance(self.track, RecordedTrack)
         # A simulated satellite is where its own source says, with the offsets of the run.
         if isinstance(self.track, RecordedTrack) and not self.simulated:
-            self._truth = self.track.shifted(*self._off_prediction())
+            self._truth = self.track.shifted(*self.off_prediction())
         self.servo = AntennaParams(**self.setup().sets("antenna_servo"))
         self.plant = None if takes_positions(self.servo.drive.type) else self.servo.plant
 
@@ -125,8 +125,16 @@ class RecordedCase:
                 servo[f"antenna.start_{axis}_deg"] = angle
         return found
 
-    def setup(self, over: Changes | None = None, model: BiasModel | None = None) -> StationSetup:
-        """Return the station of the recording, with changes."""
+    def assume(self, node: str, name: str, value: object) -> None:
+        """Take a parameter of the recorded run to be this from now on."""
+        self._given.setdefault(node, {})[name] = value
+
+    def setup(
+        self, over: Changes | None = None, model: BiasModel | None = None, *,
+        truth: TopocentricTrack | None = None,
+        wind: Callable[[WindParams], RecordedWind] | None = None,
+    ) -> StationSetup:  # fmt: skip
+        """Return the station of the recording, with changes, another satellite or wind."""
         nodes = self._given.keys() | (over or {}).keys()
         merged = {node: dict(self._given.get(node, {})) for node in nodes}
         for node, values in (over or {}).items():
@@ -134,8 +142,8 @@ class RecordedCase:
         # That of the recording: the one in the station's folder may be newer.
         chosen = model or self.recorded.model
         return StationSetup(
-            self.description, self.band, changes=merged, model=chosen, wind=self._wind,
-            truth=self._truth,
+            self.description, self.band, changes=merged, model=chosen, wind=wind or self._wind,
+            truth=truth or self._truth,
         )  # fmt: skip
 
     def _track(self) -> TopocentricTrack:
@@ -163,7 +171,7 @@ class RecordedCase:
             self.remarks.append(f"the target is the recorded one: {off}")
         return RecordedTrack(targets, track)
 
-    def _off_prediction(self) -> tuple[Array, Array]:
+    def off_prediction(self) -> tuple[Array, Array]:
         """Return times (n,) and how far (n, 2) the satellite was off its prediction on the sky.
 
         That is the offset of tracking and what the sensor still saw beyond it, over 10 s: what is

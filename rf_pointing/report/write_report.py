@@ -6,14 +6,19 @@ from pathlib import Path
 
 from rf_pointing.operations.pass_work import VERDICT
 from rf_pointing.report.analysis import analyse
+from rf_pointing.report.error_ledger import PICTURE, Ledger, draw_ledger
 from rf_pointing.report.html import Cell, number, render
 from rf_pointing.report.outcome import judged_by_night
-from rf_pointing.report.pictures import Picture, draw_pictures
+from rf_pointing.report.pictures import Caption, draw_pictures
 from rf_pointing.report.recording import read_recording
 from rf_pointing.report.statistics import summarize
 from rf_pointing.report.summary import ErrorStatistics, Summary, to_json
 
 Row = Sequence[Cell]
+BAR = Caption(
+    "ledger", "Where the loss comes from",
+    "Each part is what one cause costs, the line the loss. Left of 0: causes that undo others.",
+)  # fmt: skip
 
 
 def write_report(bag_path: Path | str, output_dir: Path | str, *, namespace: str | None = None) -> Summary:
@@ -38,13 +43,21 @@ def write_report(bag_path: Path | str, output_dir: Path | str, *, namespace: str
     folder = Path(output_dir)
     folder.mkdir(parents=True, exist_ok=True)
     summary = replace(summary, outcome=judged_by_night(summary.outcome, folder / VERDICT))
+    ledger: Ledger | None = None
+    try:
+        ledger = Ledger.read(folder)
+    except ValueError as error:
+        summary.problems.append(str(error))
     pictures = draw_pictures(analysis, folder)
-    (folder / "report.html").write_text(page(summary, pictures), encoding="utf-8")
+    if ledger is not None:
+        draw_ledger(ledger, folder / PICTURE)
+        pictures = {folder / PICTURE: BAR, **pictures}
+    (folder / "report.html").write_text(page(summary, pictures, ledger), encoding="utf-8")
     (folder / "summary.json").write_text(to_json(summary), encoding="utf-8")
     return summary
 
 
-def page(summary: Summary, pictures: Mapping[Path, Picture]) -> str:
+def page(summary: Summary, pictures: Mapping[Path, Caption], ledger: Ledger | None = None) -> str:
     """Return the HTML text of the report; pictures are embedded."""
     found = summary.target_pass
     lost = [
@@ -57,7 +70,8 @@ def page(summary: Summary, pictures: Mapping[Path, Picture]) -> str:
         summary=summary,
         pictures=pictures,
         complaints=[*summary.problems, *lost],
-        tables=_tables(summary),
+        tables=_tables(summary) | {"ledger": list(ledger.rows()) if ledger else []},
+        ledger=ledger,
     )
 
 

@@ -198,7 +198,8 @@ def test_the_tables_have_each_pass_alarm_and_device(shown: Any) -> None:
     ]
     page = shown(10_800.0, records, history, relays={"starts": 412}, disk={"free": "1 GB"})
     first, second, _ = page["passes"]
-    assert first == {"clock": "00:01", "name": "SAT 1", "state": "tracked", "held": pytest.approx(98.333, abs=1e-3),
+    assert first == {"clock": "00:01", "name": "SAT 1", "cause": "", "state": "tracked",
+                     "held": pytest.approx(98.333, abs=1e-3),
                      "why": ["alarm 0 00:00:00 to 00:01:59, 119 s:"], "lost_s": 10,
                      "loss_db": 0.12, "report": "../passes/SAT%201/report.html"}  # fmt: skip
     assert second["why"] == ["clouds", "drives cut", "wind"], "the disk was full later"
