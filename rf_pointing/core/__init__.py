@@ -14,7 +14,13 @@ if TYPE_CHECKING:
         unit_vector_from_azel,
         wrap_rad,
     )
-    from rf_pointing.core.checks import as_finite_array, as_finite_pair, require_between, require_choice, require_finite
+    from rf_pointing.core.checks import (
+        as_finite_array,
+        as_finite_pair,
+        require_between,
+        require_choice,
+        require_finite,
+    )
     from rf_pointing.core.constants import MU
     from rf_pointing.core.hermite import Motion, Quintic
     from rf_pointing.core.modes import Mode, Sensor

@@ -33,7 +33,9 @@ def unit_vector_from_azel(azimuth_rad: ArrayLike, elevation_rad: ArrayLike) -> N
         np.asarray(azimuth_rad, dtype=np.float64), np.asarray(elevation_rad, dtype=np.float64)
     )
     horizontal = np.cos(elevation)
-    return np.stack([horizontal * np.sin(azimuth), horizontal * np.cos(azimuth), np.sin(elevation)], axis=-1)
+    return np.stack(
+        [horizontal * np.sin(azimuth), horizontal * np.cos(azimuth), np.sin(elevation)], axis=-1
+    )
 
 
 def azel_from_unit_vector(enu: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -43,7 +45,10 @@ def azel_from_unit_vector(enu: ArrayLike) -> tuple[NDArray[np.float64], NDArray[
 
 
 def sky_offset_rad(
-    azimuth_rad: ArrayLike, elevation_rad: ArrayLike, from_azimuth_rad: ArrayLike, from_elevation_rad: ArrayLike
+    azimuth_rad: ArrayLike,
+    elevation_rad: ArrayLike,
+    from_azimuth_rad: ArrayLike,
+    from_elevation_rad: ArrayLike,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return cross-elevation and elevation of a direction seen from a beam, in the beam's frame.
 
@@ -51,7 +56,10 @@ def sky_offset_rad(
     right-hand and upward axes, each turned into an angle.  Positive cross-elevation: the direction
     lies clockwise of the beam.
     """
-    azimuth, elevation = np.asarray(azimuth_rad, dtype=np.float64), np.asarray(elevation_rad, dtype=np.float64)
+    azimuth, elevation = (
+        np.asarray(azimuth_rad, dtype=np.float64),
+        np.asarray(elevation_rad, dtype=np.float64),
+    )
     beam_azimuth = np.asarray(from_azimuth_rad, dtype=np.float64)
     beam_elevation = np.asarray(from_elevation_rad, dtype=np.float64)
     # By components: to stack them takes several times longer for the five directions of a period.
@@ -61,7 +69,9 @@ def sky_offset_rad(
     ahead, over = np.cos(beam_elevation), np.cos(higher)
     along_right = east * beam_cosine + north * -beam_sine
     along_up = east * (over * beam_sine) + north * (over * beam_cosine) + high * np.sin(higher)
-    along_forward = east * (ahead * beam_sine) + north * (ahead * beam_cosine) + high * np.sin(beam_elevation)
+    along_forward = (
+        east * (ahead * beam_sine) + north * (ahead * beam_cosine) + high * np.sin(beam_elevation)
+    )
     # Not the arc cosine: it has no digits left for a small separation.
     across = np.hypot(along_right, along_up)
     # On the axis itself both are zero, and so is the offset.
@@ -74,15 +84,33 @@ def separation_rad(
 ) -> float:
     """Return `angular_distance_rad` of two directions, to the last bit, in a tenth of its time."""
     angles = np.array((azimuth_rad, elevation_rad, other_azimuth_rad, other_elevation_rad))
-    (sin_a, up_a, sin_b, up_b), (cos_a, level_a, cos_b, level_b) = np.sin(angles).tolist(), np.cos(angles).tolist()
-    east_a, north_a, east_b, north_b = level_a * sin_a, level_a * cos_a, level_b * sin_b, level_b * cos_b
-    x, y, z = north_a * up_b - up_a * north_b, up_a * east_b - east_a * up_b, east_a * north_b - north_a * east_b
-    sine, cosine = math.sqrt(x * x + y * y + z * z), east_a * east_b + north_a * north_b + up_a * up_b
+    (sin_a, up_a, sin_b, up_b), (cos_a, level_a, cos_b, level_b) = (
+        np.sin(angles).tolist(),
+        np.cos(angles).tolist(),
+    )
+    east_a, north_a, east_b, north_b = (
+        level_a * sin_a,
+        level_a * cos_a,
+        level_b * sin_b,
+        level_b * cos_b,
+    )
+    x, y, z = (
+        north_a * up_b - up_a * north_b,
+        up_a * east_b - east_a * up_b,
+        east_a * north_b - north_a * east_b,
+    )
+    sine, cosine = (
+        math.sqrt(x * x + y * y + z * z),
+        east_a * east_b + north_a * north_b + up_a * up_b,
+    )
     return float(np.arctan2(sine, cosine))
 
 
 def angular_distance_rad(
-    azimuth_rad: ArrayLike, elevation_rad: ArrayLike, other_azimuth_rad: ArrayLike, other_elevation_rad: ArrayLike
+    azimuth_rad: ArrayLike,
+    elevation_rad: ArrayLike,
+    other_azimuth_rad: ArrayLike,
+    other_elevation_rad: ArrayLike,
 ) -> NDArray[np.float64]:
     """Return the angle between two directions, accurate for small and for large separations."""
     a = unit_vector_from_azel(azimuth_rad, elevation_rad)

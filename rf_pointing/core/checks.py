@@ -29,13 +29,17 @@ def require_id(name: str, text: Any) -> None:
 
 def id_of(text: str) -> str:
     """Return the beginning of a text as `require_id` allows it, with _ for every other sign."""
-    return re.sub(r"[^A-Za-z0-9.+()-]", "_", text[: LONGEST_NAME - 20]).lstrip("._+()-") or "unnamed"
+    return (
+        re.sub(r"[^A-Za-z0-9.+()-]", "_", text[: LONGEST_NAME - 20]).lstrip("._+()-") or "unnamed"
+    )
 
 
 def require_name(name: str, text: Any) -> None:
     """Raise ValueError for a name that is not one short line of printable signs."""
     if not isinstance(text, str) or len(text) > LONGEST_NAME or not text.isprintable():
-        raise ValueError(f"{name}={brief(text)} must be one line of <= {LONGEST_NAME} printable signs")
+        raise ValueError(
+            f"{name}={brief(text)} must be one line of <= {LONGEST_NAME} printable signs"
+        )
 
 
 def name_of(text: str) -> str:
@@ -109,23 +113,31 @@ def near_names(name: str, known: Iterable[str], cutoff: float = 0.7) -> list[str
     import difflib
 
     plain = {each.casefold(): each for each in known}
-    return [plain[each] for each in difflib.get_close_matches(name.casefold(), plain, cutoff=cutoff)]
+    return [
+        plain[each] for each in difflib.get_close_matches(name.casefold(), plain, cutoff=cutoff)
+    ]
 
 
 def one_of(value: str, choices: Iterable[str]) -> str:
     """Return "one of A, B, C" for a refused value, and which of them may be meant."""
     names = list(choices)
     near = near_names(value, names)[:1]
-    return f"one of {', '.join(names) or 'none'}" + "".join(f"; did you mean {each}?" for each in near)
+    return f"one of {', '.join(names) or 'none'}" + "".join(
+        f"; did you mean {each}?" for each in near
+    )
 
 
 def require_choice(name: str, value: str, choices: Collection[str]) -> None:
     """Raise ValueError unless `value` is one of `choices`."""
     if not isinstance(value, str) or value not in choices:
-        raise ValueError(f"{name}={brief(value)} must be {one_of(str(value), filter(None, choices))}")
+        raise ValueError(
+            f"{name}={brief(value)} must be {one_of(str(value), filter(None, choices))}"
+        )
 
 
-def as_finite_array(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> NDArray[np.float64]:
+def as_finite_array(
+    name: str, value: ArrayLike, shape: tuple[int | None, ...]
+) -> NDArray[np.float64]:
     """Return `value` as a float array of `shape` (None: any length), or raise ValueError."""
     array = np.asarray(value, dtype=np.float64)
     # The first comparisons settle nearly all calls.

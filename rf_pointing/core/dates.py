@@ -38,10 +38,14 @@ def minute_and_second(text: str) -> tuple[float, float]:
     """Return seconds since 1970 of a date's minute, and its second, which may lie beyond it."""
     match = _DATE.fullmatch(text.strip())
     if match is None:
-        raise ValueError(f"date={text!r} must read like the time 1996-03-21T05:11:02.07 or 1996-081T05:11:02.07")
+        raise ValueError(
+            f"date={text!r} must read like the time 1996-03-21T05:11:02.07 or 1996-081T05:11:02.07"
+        )
     year, month, day, ordinal, hour, minute, second = match.groups()
     try:
-        whole = datetime(int(year), int(month or 1), int(day or 1), int(hour), int(minute), tzinfo=UTC)
+        whole = datetime(
+            int(year), int(month or 1), int(day or 1), int(hour), int(minute), tzinfo=UTC
+        )
     except ValueError as error:
         raise ValueError(f"date={text!r} is not a time: {error}") from None
     if ordinal is None:
@@ -62,7 +66,9 @@ def parse_utc(text: str) -> float:
     try:
         moment = datetime.fromisoformat(text)
     except ValueError as error:
-        raise ValueError(f"start={text!r} must be an ISO time such as 2006-06-27T04:00:00") from error
+        raise ValueError(
+            f"start={text!r} must be an ISO time such as 2006-06-27T04:00:00"
+        ) from error
     # Without a zone Python would take the computer's own time.
     return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
 

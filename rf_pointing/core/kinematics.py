@@ -78,7 +78,9 @@ class Kinematics(Params):
     """
 
     type: str = parameter(AZIMUTH_ELEVATION, "how the axes lie", choices=MOUNTS)
-    lower_axis: str = parameter(LOWER_AXES[0], "direction of the lower axis of an X-Y mount", choices=LOWER_AXES)
+    lower_axis: str = parameter(
+        LOWER_AXES[0], "direction of the lower axis of an X-Y mount", choices=LOWER_AXES
+    )
     latitude_rad: float = parameter(0.0, "latitude, for the polar axis of a mount of hour angle and declination",
                                     low=-0.5 * math.pi, high=0.5 * math.pi)  # fmt: skip
     tilt_rad: float = parameter(0.0, "angle by which the azimuth axis leans", low=0.0, high=0.8)
@@ -105,7 +107,11 @@ class Kinematics(Params):
             found = found @ turn.matrix()
         # Quarter turns leave 6e-17 where a zero belongs.
         found = np.where(np.abs(found) < 1e-15, 0.0, found)
-        return found * np.array([-1.0, 1.0, 1.0]) if self.lower_axis == MOUNTS[self.type].reversed_by else found
+        return (
+            found * np.array([-1.0, 1.0, 1.0])
+            if self.lower_axis == MOUNTS[self.type].reversed_by
+            else found
+        )
 
     @cached_property
     def level(self) -> bool:
@@ -146,7 +152,10 @@ class Kinematics(Params):
         """
         if self.tilt_rad == 0.0:
             return (self,)
-        return tuple(self.replace(train_rad=math.remainder(azimuth_rad + turn, math.tau)) for turn in (math.pi, 0.0))
+        return tuple(
+            self.replace(train_rad=math.remainder(azimuth_rad + turn, math.tau))
+            for turn in (math.pi, 0.0)
+        )
 
     def across(self, azimuth_rad: float, elevation_rad: float) -> Array:
         """Return the matrix (2, 2) from sky to mount of small offsets at a direction.
@@ -178,14 +187,20 @@ class Kinematics(Params):
             azimuth_acceleration_rad_s2=bend, elevation_acceleration_rad_s2=curve, uncertainty=known,
         )  # fmt: skip
 
-    def _turned(self, matrix: Array, position: Array, velocity: Array, acceleration: Array) -> Triple:
+    def _turned(
+        self, matrix: Array, position: Array, velocity: Array, acceleration: Array
+    ) -> Triple:
         if self.level:
             return position, velocity, acceleration
-        found = motion_of_vectors(*(each @ matrix for each in vectors_of_motion(position, velocity, acceleration)))
+        found = motion_of_vectors(
+            *(each @ matrix for each in vectors_of_motion(position, velocity, acceleration))
+        )
+        # An axis does not jump where its angle passes 180 deg: rates are those of the way it turns.
         found[0][:, 0] = np.unwrap(found[0][:, 0])
         return found
 
     def _pointed(self, matrix: Array, first: float, second: float) -> Pair:
+        # Bit for bit: passes of azimuth and elevation are compared by their digest.
         if self.level and second <= 0.5 * math.pi:
             return first, second
         azimuth, elevation = azel_from_unit_vector(unit_vector_from_azel(first, second) @ matrix)
@@ -202,7 +217,9 @@ def _tangents(first: float, second: float) -> Array:
     return np.array([[cosine, -sine, 0.0], [-rise * sine, -rise * cosine, level]])
 
 
-def vectors_of_motion(position: Array, velocity: Array, acceleration: Array) -> tuple[Array, Array, Array]:
+def vectors_of_motion(
+    position: Array, velocity: Array, acceleration: Array
+) -> tuple[Array, Array, Array]:
     """Return the unit vectors (n, 3) of moving directions (n, 2), with both derivatives.
 
     The inverse is `motion_of_vectors`.

@@ -120,8 +120,12 @@ class Params:
         known = {item.name: item for item in dataclasses.fields(cls)}
         unknown = sorted(set(values) - set(known))
         if unknown:
-            raise ValueError(f"{cls.__name__} has no parameter {', '.join(unknown)}; it has {', '.join(known)}")
-        missing = [n for n, f in known.items() if f.default is dataclasses.MISSING and n not in values]
+            raise ValueError(
+                f"{cls.__name__} has no parameter {', '.join(unknown)}; it has {', '.join(known)}"
+            )
+        missing = [
+            n for n, f in known.items() if f.default is dataclasses.MISSING and n not in values
+        ]
         if missing:
             raise ValueError(f"{cls.__name__} needs {', '.join(missing)}")
         return cls(**{name: _tuple(value) for name, value in values.items()})
@@ -241,7 +245,11 @@ def _check_kind(name: str, value: Any, kind: Any) -> None:
 
 
 def _check_range(name: str, value: Any, low: float | None, high: float | None) -> None:
-    elements = [(f"{name}[{i}]", v) for i, v in enumerate(value)] if isinstance(value, tuple) else [(name, value)]
+    elements = (
+        [(f"{name}[{i}]", v) for i, v in enumerate(value)]
+        if isinstance(value, tuple)
+        else [(name, value)]
+    )
     for element_name, element in elements:
         if isinstance(element, (int, float)) and not isinstance(element, bool):
             require_between(element_name, element, low, high)

@@ -82,7 +82,9 @@ class PassOutcome:
         error, width = np.broadcast_arrays(np.atleast_1d(error_rad), np.atleast_1d(beamwidth_rad))
         held = is_held(error, width)
         power = np.where(np.isfinite(error), received_power(error, width), SIDELOBE_POWER)
-        return cls(step_s * int(held.sum()), step_s * int((~held).sum()), step_s * float(power.sum()))
+        return cls(
+            step_s * int(held.sum()), step_s * int((~held).sum()), step_s * float(power.sum())
+        )
 
     @classmethod
     def unseen(cls, seconds: float) -> Self:
@@ -91,7 +93,9 @@ class PassOutcome:
 
     def __add__(self, other: "PassOutcome") -> "PassOutcome":
         return PassOutcome(
-            self.tracked_s + other.tracked_s, self.lost_s + other.lost_s, self.received_s + other.received_s
+            self.tracked_s + other.tracked_s,
+            self.lost_s + other.lost_s,
+            self.received_s + other.received_s,
         )
 
     @property
@@ -107,7 +111,11 @@ class PassOutcome:
     @property
     def mean_loss_db(self) -> float:
         """Loss of the mean power, 0 before any."""
-        return float(pointing_loss_db(self.received_s / self.duration_s)) if self.duration_s > 0.0 else 0.0
+        return (
+            float(pointing_loss_db(self.received_s / self.duration_s))
+            if self.duration_s > 0.0
+            else 0.0
+        )
 
     def why_not_tracked(self, reason: str, fault: str, least_share: float) -> str:
         """Return why the pass does not count as tracked, "" when it does.

@@ -15,4 +15,6 @@ def random_stream(seed: int, name: str) -> "np.random.Generator":
     if seed < 0:
         raise ValueError(f"seed={seed} must be >= 0")
     # crc32, not hash(): a string's hash differs from process to process.
-    return np.random.Generator(np.random.PCG64(np.random.SeedSequence([seed, zlib.crc32(name.encode())])))
+    return np.random.Generator(
+        np.random.PCG64(np.random.SeedSequence([seed, zlib.crc32(name.encode())]))
+    )

@@ -56,8 +56,12 @@ class RadioRefraction(Params):
     pressure_hpa: float = parameter(
         1013.25, "air pressure at the antenna, not reduced to sea level", low=300.0, high=1100
     )
-    temperature_k: float = parameter(288.15, "air temperature at the antenna", low=180.0, high=330.0)
-    relative_humidity: float = parameter(0.5, "relative humidity at the antenna, 0 to 1", low=0.0, high=1.0)
+    temperature_k: float = parameter(
+        288.15, "air temperature at the antenna", low=180.0, high=330.0
+    )
+    relative_humidity: float = parameter(
+        0.5, "relative humidity at the antenna, 0 to 1", low=0.0, high=1.0
+    )
 
     def check_together(self) -> None:
         """Refuse air in which horizontal rays are trapped: no elevation correction exists there."""
@@ -76,7 +80,9 @@ class RadioRefraction(Params):
         """Return the refraction of the ICAO standard troposphere with half saturated air."""
         # ICAO: 6.5 K per kilometre, and the pressure that follows from it.
         temperature_k = 288.15 - 6.5e-3 * altitude_m
-        return cls(pressure_hpa=1013.25 * (temperature_k / 288.15) ** 5.2559, temperature_k=temperature_k)
+        return cls(
+            pressure_hpa=1013.25 * (temperature_k / 288.15) ** 5.2559, temperature_k=temperature_k
+        )
 
     @cached_property
     def refractivity_dry(self) -> float:
@@ -101,7 +107,9 @@ class RadioRefraction(Params):
         """Return the true elevation of apparent elevations; the exact inverse of `apply`."""
         return apparent_rad - self._bending(apparent_rad)[0]
 
-    def apply_with_rates(self, elevation_rad: Any, rate_rad_s: Any, acceleration_rad_s2: Any) -> tuple[Any, Any, Any]:
+    def apply_with_rates(
+        self, elevation_rad: Any, rate_rad_s: Any, acceleration_rad_s2: Any
+    ) -> tuple[Any, Any, Any]:
         """Return the apparent elevation with rate and acceleration."""
         apparent, slope, curvature = self._apparent(elevation_rad)
         gain = 1.0 / (1.0 - slope)
@@ -136,13 +144,18 @@ class RadioRefraction(Params):
                 small = size < _TOLERANCE_RAD
                 if np.all(small):
                     break
-                low, high = np.where(misfit > 0.0, low, before), np.where(misfit > 0.0, before, high)
+                low, high = (
+                    np.where(misfit > 0.0, low, before),
+                    np.where(misfit > 0.0, before, high),
+                )
                 good = small | ((low < apparent) & (apparent < high) & (size < longest))
                 apparent = np.where(good, apparent, 0.5 * (low + high))
             # Steps that do not shrink would creep towards a cycle around the kink at the horizon.
             longest = 0.5 * size
         else:
-            raise ValueError(f"elevation_rad={elevation_rad} has no apparent elevation in {_MAX_ITERATIONS} steps")
+            raise ValueError(
+                f"elevation_rad={elevation_rad} has no apparent elevation in {_MAX_ITERATIONS} steps"
+            )
         return apparent, slope, curvature
 
     @cached_property
@@ -189,7 +202,9 @@ class RadioRefraction(Params):
         # n r - c without cancellation: at the horizon it is metres out of 6.4e6.
         above = n * height + (n - n0) * _EARTH_RADIUS_M
         above = above + 2.0 * n0 * _EARTH_RADIUS_M * np.sin(apparent_rad[:, None] / 2.0) ** 2
-        integrand = invariant * gradient * 2.0 * x / (n * np.sqrt(above * (above + 2.0 * invariant)))
+        integrand = (
+            invariant * gradient * 2.0 * x / (n * np.sqrt(above * (above + 2.0 * invariant)))
+        )
         traced: Array = integrand @ (weight * 0.5 * math.sqrt(_TOP_M))
         return traced
 
@@ -197,7 +212,9 @@ class RadioRefraction(Params):
         """Return R, dR/dE and d2R/dE2, mirrored at the zenith, level below the horizon."""
         plain = isinstance(apparent_rad, float)
         # Plain floats through the math module: a pointing loop needs one elevation at a time.
-        sin, cos, copysign = (math.sin, math.cos, math.copysign) if plain else (np.sin, np.cos, np.copysign)
+        sin, cos, copysign = (
+            (math.sin, math.cos, math.copysign) if plain else (np.sin, np.cos, np.copysign)
+        )
         side: Any = copysign(1.0, 0.5 * math.pi - apparent_rad)
         folded = 0.5 * math.pi - side * (0.5 * math.pi - apparent_rad)
         level, level_slope, level_curvature = _levelled(folded, self._level_rad)
@@ -211,8 +228,14 @@ class RadioRefraction(Params):
         q, q_s = s + ratio, 1.0 + ratio_s
         bending = n0 * c / q
         slope = -n0 * (s + c * c * q_s / q) / q
-        curvature = n0 * c * (-1.0 + (3.0 * s * q_s - c * c * q_ss) / q + 2.0 * (c * q_s / q) ** 2) / q
-        return side * bending, slope * level_slope, side * (curvature * level_slope**2 + slope * level_curvature)
+        curvature = (
+            n0 * c * (-1.0 + (3.0 * s * q_s - c * c * q_ss) / q + 2.0 * (c * q_s / q) ** 2) / q
+        )
+        return (
+            side * bending,
+            slope * level_slope,
+            side * (curvature * level_slope**2 + slope * level_curvature),
+        )
 
 
 def _levelled(elevation_rad: Any, depth_rad: float) -> tuple[Any, Any, Any]:

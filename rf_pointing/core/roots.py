@@ -14,7 +14,9 @@ from rf_pointing.core.types import Array
 _MAX_ITERATIONS = 200
 
 
-def bracketed_root(function: Callable[[float], float], low: float, high: float, tolerance: float = 1e-14) -> float:
+def bracketed_root(
+    function: Callable[[float], float], low: float, high: float, tolerance: float = 1e-14
+) -> float:
     """Return where `function` changes sign in [low, high], by regula falsi (Illinois).
 
     Raises ValueError if the function has the same sign at both ends.
@@ -40,7 +42,9 @@ def bracketed_root(function: Callable[[float], float], low: float, high: float, 
     return root
 
 
-def roots_between(function: Callable[[Array], Array], low: Array, high: Array, tolerance: float) -> Array:
+def roots_between(
+    function: Callable[[Array], Array], low: Array, high: Array, tolerance: float
+) -> Array:
     """Return one root of `function` in each interval, to within `tolerance`; shapes (n,).
 
     Chandrupatla 1997, one array call of the function per iteration: inverse quadratic interpolation
@@ -76,5 +80,7 @@ def _next_part(a: Array, b: Array, c: Array, fa: Array, fb: Array, fc: Array) ->
     with np.errstate(divide="ignore", invalid="ignore"):
         xi, phi = (a - b) / (c - b), (fa - fb) / (fc - fb)
         safe = (phi * phi < xi) & ((1.0 - phi) ** 2 < 1.0 - xi)
-        quadratic = fa / (fb - fa) * fc / (fb - fc) + (c - a) / (b - a) * fa / (fc - fa) * fb / (fc - fb)
+        quadratic = fa / (fb - fa) * fc / (fb - fc) + (c - a) / (b - a) * fa / (fc - fa) * fb / (
+            fc - fb
+        )
     return np.where(safe & np.isfinite(quadratic), quadratic, 0.5)

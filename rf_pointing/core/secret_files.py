@@ -23,7 +23,9 @@ def secret_in(path: Path, make: Callable[[], str] | None = None) -> str:
         raise ValueError(f"{path} cannot be used: {error}") from error
     with os.fdopen(opened, "r+", encoding="ascii", errors="replace") as file:
         if stat.S_IMODE(os.fstat(opened).st_mode) & 0o077:
-            raise ValueError(f"{path} can be read by others: chmod 600 it, and replace what is in it")
+            raise ValueError(
+                f"{path} can be read by others: chmod 600 it, and replace what is in it"
+            )
         # Two nodes that start at once: the first of them makes it.
         fcntl.flock(file, fcntl.LOCK_EX)
         text = file.read(1024).strip()
@@ -46,7 +48,12 @@ def read_token(name: str, given: str, own: Path) -> tuple[str, Path]:
     if given and not path.is_file():
         raise ValueError(f"{name}={path} does not exist")
     token = secret_in(path, None if given else lambda: secrets.token_urlsafe(24))
-    if len(token) < SHORTEST_TOKEN or not token.isascii() or not token.isprintable() or " " in token:
+    if (
+        len(token) < SHORTEST_TOKEN
+        or not token.isascii()
+        or not token.isprintable()
+        or " " in token
+    ):
         raise ValueError(
             f"the token in {path} has {len(token)} characters, must be >= {SHORTEST_TOKEN} of plain ASCII, no spaces"
         )

@@ -55,7 +55,9 @@ class SkyUncertainty:
         # pass, and what rounding makes of it.
         slack = 1e-9 * max(right, up)
         if abs(both - other) > slack or both**2 > (1.0 + 1e-9) * right * up + slack**2:
-            raise ValueError(f"covariance_rad2={covariance.tolist()} must be symmetric, with both its variances >= 0")
+            raise ValueError(
+                f"covariance_rad2={covariance.tolist()} must be symmetric, with both its variances >= 0"
+            )
         for name in ("along_track_rad", "cross_track_rad"):
             require_between(name, getattr(self, name), 0.0, LEAST_KNOWN_RAD)
         require_between("along_track_s", self.along_track_s, 0.0, LEAST_KNOWN_S)
@@ -153,7 +155,9 @@ class JointTrajectory:
     def __post_init__(self) -> None:
         object.__setattr__(self, "t_s", as_finite_array("t_s", self.t_s, (None,)))
         for name in ("position_rad", "velocity_rad_s", "acceleration_rad_s2"):
-            object.__setattr__(self, name, as_finite_array(name, getattr(self, name), (len(self.t_s), 2)))
+            object.__setattr__(
+                self, name, as_finite_array(name, getattr(self, name), (len(self.t_s), 2))
+            )
         if len(self.t_s) == 0:
             raise ValueError("t_s has 0 points, must have at least 1")
         if not (self.t_s[1:] > self.t_s[:-1]).all():
@@ -218,7 +222,9 @@ class PointingError:
     reason: str = ""
 
     def __post_init__(self) -> None:
-        if not all_finite(self.t_s, self.cross_elevation_rad, self.elevation_rad, self.carrier_to_noise_db_hz):
+        if not all_finite(
+            self.t_s, self.cross_elevation_rad, self.elevation_rad, self.carrier_to_noise_db_hz
+        ):
             for name in ("t_s", "cross_elevation_rad", "elevation_rad", "carrier_to_noise_db_hz"):
                 require_finite(name, getattr(self, name))
         covariance = as_finite_array("covariance_rad2", self.covariance_rad2, (2, 2))
@@ -296,7 +302,9 @@ class BeamPosition:
 
     def too_old(self, t_s: float) -> bool:
         """Whether `t_s` lies before all that is known, so that its offset will never be."""
-        return any(bool(series.times) and t_s < series.times[0] for series in (self._joints, self._centre))
+        return any(
+            bool(series.times) and t_s < series.times[0] for series in (self._joints, self._centre)
+        )
 
     def offset(self, t_s: float) -> Array | None:
         """Return cross-elevation and elevation (2,) of the beam off the direction, or None.

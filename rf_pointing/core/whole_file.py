@@ -30,7 +30,9 @@ _LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 def open_private(path: Path, flags: int) -> int:
     """Open or make a file of this user; RuntimeError for a link, or a file of another user."""
     try:
-        opened = os.open(path, flags | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC | os.O_NONBLOCK, 0o600)
+        opened = os.open(
+            path, flags | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC | os.O_NONBLOCK, 0o600
+        )
     except OSError as error:
         raise RuntimeError(f"{path} cannot be used: {error.strerror}") from error
     found = os.fstat(opened)
@@ -105,11 +107,15 @@ def _from_yaml(make: Callable[..., Any], text: str) -> Any:
         # Before anything is built: a few aliases of aliases stand for billions of values.
         for event in yaml.parse(text, Loader=_LOADER):
             if isinstance(event, yaml.AliasEvent):
-                raise YamlError(event.start_mark.line + 1, f"alias *{event.anchor} must be written out")
+                raise YamlError(
+                    event.start_mark.line + 1, f"alias *{event.anchor} must be written out"
+                )
             if getattr(event, "tag", None):
                 # What PyYAML makes of `!!int x` or `!!timestamp x` are errors of any kind.
                 raise YamlError(event.start_mark.line + 1, f"tag {event.tag} must be left out")
-            depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
+            depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(
+                event, yaml.CollectionEndEvent
+            )
             if depth > DEEPEST:
                 raise YamlError(event.start_mark.line + 1, f"nested more than {DEEPEST} deep")
         return make(text, Loader=_LOADER)
@@ -175,7 +181,9 @@ class KeptState:
         except ValueError as error:
             raise ValueError(f"state file {self._path} cannot be read: {error}") from error
         if not isinstance(values, dict):
-            raise ValueError(f"state file {self._path} holds {type(values).__name__}, must hold an object")
+            raise ValueError(
+                f"state file {self._path} holds {type(values).__name__}, must hold an object"
+            )
         return values
 
     def keep(self, values: Mapping[str, Any]) -> None:

@@ -37,6 +37,7 @@ COLOURS = {
     UNEXPLAINED: "#b0b4b8",
 }  # fmt: skip
 """Colour of each cause, in the order in which they are switched off."""
+# In beamwidths: an error of exactly 0 has no direction to share its loss along.
 SMALLEST = 1e-9
 NEGLIGIBLE = 0.01
 """Share of the loss below which a part of the bar has no label."""
