@@ -14,12 +14,14 @@ import re
 import signal
 import sys
 import tempfile
+import threading
 import time
 import traceback
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from pathlib import Path
+from types import CodeType
 from typing import Any
 
 import rclpy
@@ -41,6 +43,9 @@ NICER = -10
 HUNG_S = 120.0
 """Longest time for one thing of a node; to read 32 MiB of elements takes 15 s."""
 WRITTEN_S = 15.0
+STUCK_S = 8.0
+"""Longest time within the middleware itself, of which one wait is 0.2 s."""
+LOOK_S = 1.0
 START_OR_END_S = 60.0
 """Longest making of the nodes of a process, and its longest end with the stop of what it moves."""
 DEAF = 3
@@ -107,6 +112,7 @@ def run(
         rclpy.try_shutdown()
         sys.exit(2)
     settle_garbage()
+    watch.watch_waits(NodeLoop.work.__code__)
     code = loop.work(watch.come_round, watch.begin_end)
     if loop.deaf:
         # A participant of DDS that took damaged datagrams may never be destroyed.
@@ -289,7 +295,7 @@ class HangWatch:
     # Not a thread of Python: what hangs may hold the lock of all threads.
 
     def __init__(self, patience_s: float = HUNG_S) -> None:
-        self._patience_s, self._armed_s = patience_s, -math.inf
+        self._patience_s, self._armed_s, self._rounds = patience_s, -math.inf, 0
 
     def begin(self) -> None:
         """Give the start of nodes its time: damaged datagrams can hang one that is being made."""
@@ -297,8 +303,29 @@ class HangWatch:
 
     def come_round(self) -> None:
         """Note that the loop works; each second is often enough."""
+        self._rounds += 1
         if time.monotonic() - self._armed_s > min(1.0, 0.1 * self._patience_s):
             self._arm(self._patience_s)
+
+    def watch_waits(self, loop: CodeType) -> None:
+        """End the process sooner where the calling thread is stuck in what `loop` itself calls.
+
+        It is in a library there, in no callback of a node, whose work may be long.
+        """
+        # Damaged datagrams have left a wait for events in DDS for good, without Python's lock.
+        threading.Thread(target=self._watch_waits, args=(loop, threading.get_ident()), daemon=True).start()
+
+    def _watch_waits(self, loop: CodeType, thread: int) -> None:
+        looks = rounds = 0
+        # Looks are counted, not time: a process that was stopped has not looked either.
+        while looks * LOOK_S < STUCK_S:
+            time.sleep(LOOK_S)
+            frame = sys._current_frames().get(thread)
+            stuck = self._rounds == rounds and frame is not None and frame.f_code is loop and sys.gettrace() is None
+            looks, rounds = looks + 1 if stuck else 0, self._rounds
+        print(f"Timeout (0:00:{STUCK_S:02.0f})! A wait for events does not end.", file=sys.__stderr__)
+        faulthandler.dump_traceback(sys.__stderr__)
+        leave(1)
 
     @contextmanager
     def writing(self) -> Iterator[None]:
