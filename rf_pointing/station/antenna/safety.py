@@ -34,6 +34,8 @@ from rf_pointing.station.antenna.sun_at_rest import SunAtRestParams
 COMMAND_PERIOD_S = 0.1
 LATE_S = 0.1
 """A command this late gets a warning; commands reach a second ahead, so it is not a fault."""
+LOWEST_RAD = -0.2
+"""Smallest elevation to which an axis of elevation may go; other axes have their own zero."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,6 +60,13 @@ class SafetyParams(Params):
     )
     authority_s: float = parameter(1.0, "silence after which another may command", low=0.1, high=60.0)
 
+    def check_together(self) -> None:
+        """Refuse to park or to stow below the horizon."""
+        for name in ("park_elevation_rad", "stow_elevation_rad"):
+            if self.kinematics.level and getattr(self, name) < 0.0:
+                key, degrees = name.replace("_rad", "_deg"), math.degrees(getattr(self, name))
+                raise ValueError(f"{key}={degrees:g} must be >= 0.0")
+
 
 class AntennaSafety:
     """One antenna's guards; the control unit carries out what they decide."""
@@ -80,6 +89,8 @@ class AntennaSafety:
 
     def gate_of(self, motion: CommandPreprocessorParams) -> Gate:
         """Return the gate of these limits of motion, or raise ValueError."""
+        if self.params.kinematics.level and motion.travel_min_rad[1] < LOWEST_RAD:
+            raise ValueError(f"elevation_min_rad={motion.travel_min_rad[1]:.6g} must be >= {LOWEST_RAD}")
         # One travel for gate and preprocessor, from one set of parameters.
         limits = AxisLimits(
             azimuth_min_rad=motion.travel_min_rad[0],

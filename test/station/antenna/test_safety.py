@@ -5,6 +5,7 @@ import math
 import pytest
 
 from rf_pointing.controllers import CommandPreprocessorParams
+from rf_pointing.core.kinematics import Kinematics
 from rf_pointing.planning import HorizonMask
 from rf_pointing.station.antenna.modes import AntennaMode
 from rf_pointing.station.antenna.safety import AntennaSafety, SafetyParams
@@ -90,3 +91,10 @@ def test_a_release_forgets_what_the_watches_saw_and_takes_the_place_as_it_is() -
     assert seen == ["watch", "drive"]
     assert safety.beyond((beyond, 1.0), (0.0, 0.0)) == ""
     assert "past the hard limit" in safety.beyond((beyond + 0.05, 1.0), (0.01, 0.0))
+
+
+def test_an_axis_of_elevation_rests_above_the_horizon_and_another_where_it_is_driven_to() -> None:
+    for name in ("park_elevation", "stow_elevation"):
+        with pytest.raises(ValueError, match=rf"{name}_deg=-5 must be >= 0\.0"):
+            SafetyParams(**{f"{name}_rad": math.radians(-5.0)})
+        SafetyParams(**{f"{name}_rad": math.radians(-5.0)}, kinematics=Kinematics(type="x_y"))
