@@ -313,7 +313,8 @@ class HangWatch:
         It is in a library there, in no callback of a node, whose work may be long.
         """
         # Damaged datagrams have left a wait for events in DDS for good, without Python's lock.
-        threading.Thread(target=self._watch_waits, args=(loop, threading.get_ident()), daemon=True).start()
+        given = loop, threading.get_ident()
+        threading.Thread(target=self._watch_waits, args=given, daemon=True).start()
 
     def _watch_waits(self, loop: CodeType, thread: int) -> None:
         looks = rounds = 0
@@ -321,9 +322,11 @@ class HangWatch:
         while looks * LOOK_S < STUCK_S:
             time.sleep(LOOK_S)
             frame = sys._current_frames().get(thread)
-            stuck = self._rounds == rounds and frame is not None and frame.f_code is loop and sys.gettrace() is None
-            looks, rounds = looks + 1 if stuck else 0, self._rounds
-        print(f"Timeout (0:00:{STUCK_S:02.0f})! A wait for events does not end.", file=sys.__stderr__)
+            waits = frame is not None and frame.f_code is loop and sys.gettrace() is None
+            looks = looks + 1 if waits and self._rounds == rounds else 0
+            rounds = self._rounds
+        words = f"Timeout (0:00:{STUCK_S:02.0f})! A wait for events does not end."
+        print(words, file=sys.__stderr__)
         faulthandler.dump_traceback(sys.__stderr__)
         leave(1)
 

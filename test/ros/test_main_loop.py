@@ -317,9 +317,11 @@ def test_a_write_that_hangs_ends_the_process_sooner() -> None:
 
 def test_a_wait_for_events_that_does_not_end_ends_the_process_and_long_work_does_not() -> None:
     code = (
-        "import time\nfrom rf_pointing.ros import main_loop\nmain_loop.STUCK_S = main_loop.LOOK_S = 0.2\n"
+        "import time\nfrom rf_pointing.ros import main_loop\n"
+        "main_loop.STUCK_S = main_loop.LOOK_S = 0.2\n"
         "def long_work():\n    time.sleep(1.5)\n    print('worked', flush=True)\n"
-        "def loop(*calls):\n    for call, *given in calls:\n        watch.come_round()\n        call(*given)\n"
+        "def loop(*calls):\n    for call, *given in calls:\n"
+        "        watch.come_round()\n        call(*given)\n"
         "watch = main_loop.HangWatch()\nwatch.watch_waits(loop.__code__)\n"
         "loop(*[(time.sleep, 0.05)] * 20, (long_work,), (time.sleep, 60.0))\n"
     )

@@ -89,8 +89,9 @@ class AntennaSafety:
 
     def gate_of(self, motion: CommandPreprocessorParams) -> Gate:
         """Return the gate of these limits of motion, or raise ValueError."""
-        if self.params.kinematics.level and motion.travel_min_rad[1] < LOWEST_RAD:
-            raise ValueError(f"elevation_min_rad={motion.travel_min_rad[1]:.6g} must be >= {LOWEST_RAD}")
+        lowest = motion.travel_min_rad[1]
+        if self.params.kinematics.level and lowest < LOWEST_RAD:
+            raise ValueError(f"elevation_min_rad={lowest:.6g} must be >= {LOWEST_RAD}")
         # One travel for gate and preprocessor, from one set of parameters.
         limits = AxisLimits(
             azimuth_min_rad=motion.travel_min_rad[0],
