@@ -487,7 +487,7 @@ def budget(
     if late_s is None:
         late_s = station.description.content.simulation.along_track_offset_s
         late_s = late_s or (known.along_track_s if known is not None else 0.0)
-    told = [f"elements off by {late_s:.3g} s"]
+    supposed = [f"elements off by {late_s:.3g} s"]
     _default(own, "rf_receiver", "source.along_track_offset_s", late_s)
     if wind_m_s is not None:
         _default(own, "antenna_servo", "wind.mean_speed_m_s", wind_m_s)
@@ -501,12 +501,12 @@ def budget(
     if mount == setup.model:
         for name in ("collimation", "elevation_offset"):
             _default(own, "antenna_servo", f"mount.{name}_deg", error_deg / math.sqrt(2.0))
-        told.append(f"model off by {1e3 * error_deg:.3g} mdeg")
-    told.append(f"wind of {setup.sets('antenna_servo')['wind'].mean_speed_m_s:.3g} m/s")
+        supposed.append(f"model off by {1e3 * error_deg:.3g} mdeg")
+    supposed.append(f"wind of {setup.sets('antenna_servo')['wind'].mean_speed_m_s:.3g} m/s")
     flights = _Flights(case, one.aos_t_s, one.window.los_t_s)
     _account(flights)
     title = f"{one.name} by {chosen} on {station.name}"
-    return _made(flights, title, "predicted", (", ".join(told),))
+    return _made(flights, title, "predicted", (", ".join(supposed),))
 
 
 def _default(own: dict[str, dict[str, object]], node: str, name: str, value: object) -> None:
