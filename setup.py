@@ -37,6 +37,7 @@ EXECUTABLES = {
     "commands": [
         "budget",
         "calibrate",
+        "check_clock",
         "check_drive",
         "check_receiver",
         "check_station",

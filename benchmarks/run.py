@@ -53,7 +53,7 @@ WALL_TIME = (
     "two_computers",
 )  # fmt: skip
 MINUTES = (
-    "array_trials", "ephemeris_accuracy", "ephemeris_trials", "error_ledger", "lock_watch", "lqg_tuning", "mutants",
+    "array_trials", "clock", "ephemeris_accuracy", "ephemeris_trials", "error_ledger", "lock_watch", "lqg_tuning", "mutants",
     "network_plan", "plant_tuning", "scanning_campaigns", "scans", "servo_tuning", "strong_carriers", "target_uncertainty",
     "tuning_trials", "zenith_passes",
 )  # fmt: skip

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from rf_pointing.api.calibration import Fit, fit
+    from rf_pointing.api.clock import ClockCheck, check_clock
     from rf_pointing.api.ledger import budget, ledger
     from rf_pointing.api.network import NetworkPlan, plan_network
     from rf_pointing.api.orbit_study import OrbitCovariance, orbit_covariance
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 _HOMES = {
     "BiasModel": "calibration.bias_model",
+    "ClockCheck": "api.clock",
     "DeterminedOrbit": "api.orbits",
     "Fit": "api.calibration",
     "Ledger": "report.error_ledger",
@@ -47,6 +49,7 @@ _HOMES = {
     "Tuning": "api.tuning",
     "budget": "api.ledger",
     "catalogue": "api.target",
+    "check_clock": "api.clock",
     "elements": "api.target",
     "fit": "api.calibration",
     "ledger": "api.ledger",
@@ -59,11 +62,11 @@ _HOMES = {
 }
 """Every public name, and the module that it is loaded from."""
 __all__ = [
-    "BiasModel", "DeterminedOrbit", "Fit", "Ledger", "Look", "ModelVersion", "NetworkPlan",
-    "Observations", "OrbitCovariance", "PassCertificate", "Plan", "Recording", "Replay",
-    "SimulatedPass", "Station", "StationPass", "Target", "Tuning", "budget", "catalogue",
-    "elements", "fit", "ledger", "orbit_covariance", "orbit_from_passes", "plan_network",
-    "read_model", "replay", "tune",
+    "BiasModel", "ClockCheck", "DeterminedOrbit", "Fit", "Ledger", "Look", "ModelVersion",
+    "NetworkPlan", "Observations", "OrbitCovariance", "PassCertificate", "Plan", "Recording",
+    "Replay", "SimulatedPass", "Station", "StationPass", "Target", "Tuning", "budget", "catalogue",
+    "check_clock", "elements", "fit", "ledger", "orbit_covariance", "orbit_from_passes",
+    "plan_network", "read_model", "replay", "tune",
 ]  # fmt: skip
 
 if not TYPE_CHECKING:

@@ -5,8 +5,8 @@ real        the direction in which tracking found the target, minus the predicti
 
     d(t) = orbit error + terms of the model + scale of the refraction + unexplained
 
-by least squares with the priors of elements, model and air; then as a simulated one.  Wind is
-that of the anemometer or of the rate commands, noise that of the C/N0 that was received.
+(`api/misprediction.py`); then as a simulated one.  Wind is that of the anemometer or of the rate
+commands, noise that of the C/N0 that was received.
 """
 
 import math
@@ -18,12 +18,11 @@ from typing import Any
 
 import numpy as np
 
+from rf_pointing.api.misprediction import GROUPS, split_prediction
 from rf_pointing.api.passes import StationPass
 from rf_pointing.api.station import Station
 from rf_pointing.calibration import BiasModel
-from rf_pointing.calibration.pass_errors import PassPriors, motion_partials
 from rf_pointing.core import AXES, MDEG, Mode, sky_offset_rad
-from rf_pointing.core.refraction import RadioRefraction
 from rf_pointing.core.types import Array
 from rf_pointing.drives import takes_positions
 from rf_pointing.ephemeris import TopocentricTrack, sky_uncertainty
@@ -52,15 +51,8 @@ NEAR_DB = 0.5
 """Difference of C/N0 up to which a replayed pass has the noise of the recorded one."""
 REMEMBERED_S = 10.0
 """Time after it has settled in which a loop still remembers the way to the target."""
-INDEPENDENT_S = 10.0
-"""Time over which directions found by tracking are averaged, and so are independent."""
 MOST_OF = 0.98
 """Share of the errors of a pass below which a recording has gaps."""
-REFRACTION_SIGMA = 0.05
-"""Error of a refraction by the weather of the place, as a share of it."""
-MODEL_TERMS = ("azimuth_offset", "collimation", "elevation_offset", "mislevel_east",
-               "mislevel_north", "droop")  # fmt: skip
-GROUPS = (rows.EPHEMERIS, rows.MODEL, rows.REFRACTION)
 Wind = Callable[[WindParams], RecordedWind]
 
 
@@ -250,86 +242,6 @@ def _without_estimate(flights: _Flights) -> None:
     # Slow, and of no shape that is known: weather that changes, a mount that warms up.
     off.truth = case.track
     flights.without(rows.UNEXPLAINED)
-
-
-def split_prediction(
-    case: RecordedCase,
-) -> tuple[Array, dict[str, Array], Array, dict[str, float]]:
-    """Return times (n,), parts (n, 2) of the misprediction by cause, all of it, and sigmas in mdeg.
-
-    The parts are what least squares with priors makes of it: sizes of the orbit errors by the age
-    of the elements, of the model's terms by the model error of the band, 5 % of the refraction.
-    """
-    t_s, off = case.off_prediction()
-    look = case.track.sample(t_s)
-    cosine, inside = np.cos(look.elevation_rad), (t_s >= case.window.aos_t_s)
-    targets = case.signals.of("target")
-    ages = [each.uncertainty.age_s for each in targets if each.uncertainty is not None]
-    # Elements grow older by seconds in a pass: one age is enough.
-    law = case.setup().sets("ephemeris_publisher")["uncertainty"]
-    along, cross, radial = law.sigmas_m(ages[-1] if ages else 0.0)
-    priors = PassPriors(along_track_m=along, cross_track_m=cross, radial_m=radial)
-    motion = (
-        look.azimuth_rad, look.elevation_rad, look.azimuth_rate_rad_s, look.elevation_rate_rad_s,
-        look.azimuth_acceleration_rad_s2, look.elevation_acceleration_rad_s2,
-    )  # fmt: skip
-    middle_s = 0.5 * (case.window.aos_t_s + case.window.los_t_s)
-    ranges, still = (look.range_m, look.range_rate_m_s), (0.0, 0.0)
-    orbit = motion_partials(t_s - middle_s, motion, *ranges, priors.names, still)
-    # The printed form is linear: any size of a term gives its partials.
-    zero = BiasModel.zero()
-    terms = [np.stack(zero.replace(**{n: 1e-3}).offset_rad(*motion)) / 1e-3 for n in MODEL_TERMS]
-    used = np.array([each.refraction_rad for each in targets])
-    applied = bool(np.any(np.abs(used) > 1e-9))
-    true_rad = look.true_elevation_rad
-    bend = look.elevation_rad - true_rad
-    if not applied:
-        altitude_m = case.track.site.altitude_m
-        bend = RadioRefraction.standard(altitude_m).apply(true_rad) - true_rad
-    columns = np.concatenate([
-        np.moveaxis(np.stack(orbit), 2, 0), terms, [np.stack([np.zeros_like(bend), bend])],
-    ])  # fmt: skip
-    # The partials are those of the azimuth, errors are those on the sky.
-    columns[:, 0] *= cosine
-    # A refraction that was left out is missing as a whole.
-    expected = np.zeros(len(columns))
-    expected[-1] = 0.0 if applied else 1.0
-    model_rad = math.radians(case.description.content.bands[case.band].model_error_deg)
-    each_rad = model_rad / math.sqrt(len(MODEL_TERMS))
-    sigma = np.array([*priors.sigma, *[each_rad] * len(MODEL_TERMS), REFRACTION_SIGMA])
-    values, covariance = _fitted(columns, off, expected, sigma, t_s, inside)
-    slices = dict(zip(GROUPS, np.split(np.arange(len(columns)), np.cumsum([
-        len(priors.names), len(MODEL_TERMS),
-    ])), strict=True))  # fmt: skip
-    by_cause = ((name, values[at], columns[at]) for name, at in slices.items())
-    parts = {name: np.asarray(np.einsum("k,kjn->nj", *both)) for name, *both in by_cause}
-    wide: dict[str, Array] = {
-        name: np.einsum("kjn,kl,ljn->nj", columns[at], covariance[np.ix_(at, at)], columns[at])
-        for name, at in slices.items()
-    }
-    sigmas = {n: math.sqrt(np.mean(np.sum(v[inside], axis=1))) / MDEG for n, v in wide.items()}
-    return t_s, parts, off, sigmas
-
-
-def _fitted(
-    columns: Array, off: Array, expected: Array, sigma: Array, t_s: Array, inside: Any
-) -> tuple[Array, Array]:  # fmt: skip
-    """Return values (k,) and covariance of columns (k, 2, n) that make `off` (n, 2)."""
-    rows_s = np.flatnonzero(inside)
-    step = max(1, round(INDEPENDENT_S / float(np.median(np.diff(t_s)))))
-    chosen = rows_s[step // 2 :: step]
-    design = columns[:, :, chosen].reshape(len(columns), -1).T
-    wanted = off[chosen].T.ravel() - design @ expected
-    scale_rad, scaled = MDEG, design * sigma
-    values: Array = np.zeros(len(sigma))
-    covariance: Array = np.eye(len(sigma))
-    # What the columns leave says how well they fit; a few rounds settle it.
-    for _ in range(5):
-        information = scaled.T @ scaled / scale_rad**2 + np.eye(len(sigma))
-        covariance = np.asarray(np.linalg.inv(information))
-        values = np.asarray(covariance @ scaled.T @ wanted / scale_rad**2)
-        scale_rad = max(float(np.sqrt(np.mean((wanted - scaled @ values) ** 2))), 0.1 * MDEG)
-    return expected + sigma * values, covariance * np.outer(sigma, sigma)
 
 
 def ledger(

@@ -36,6 +36,7 @@ CROSS_M, BIAS_BEAMWIDTHS = 3000.0, 0.25
 # However even the directions are: the mount's errors change over the sky as the time does.
 LEAST_SIGMA_BEAMWIDTHS, MOUNT_BEAMWIDTHS = 0.02, 0.08
 LARGEST_S, DIFFERENCE_S, ROUNDS = 60.0, 0.05, 5
+LEAST_M = 0.01
 # A pass that is so far from what was expected tells of a manoeuvre.
 MANOEUVRE_SIGMAS = 6.0
 
@@ -221,7 +222,8 @@ def fitted_time(track: TopocentricTrack, held: Sequence[HeldDirection]) -> tuple
 def _lawful_s(track: TopocentricTrack, t_s: float, law: ElementUncertainty) -> float:
     """Return the standard deviation along the orbit by the age of the elements alone."""
     age_s = t_s - track.target.elements.epoch_t_s  # type: ignore[attr-defined]
-    return law.sigmas_m(age_s)[0] / float(norm(track.target.motion_at(t_s).velocity))
+    # A law may say that elements have no error: a pass shows otherwise.
+    return max(law.sigmas_m(age_s)[0], LEAST_M) / float(norm(track.target.motion_at(t_s).velocity))
 
 
 def _unlearned(

@@ -48,6 +48,9 @@ class PassProfile:
             object.__setattr__(self, name, as_finite_array(name, getattr(self, name), (len(self.t_s),)))
         if np.any(self.range_m <= 0.0):
             raise ValueError(f"range_m={float(self.range_m.min())} must be > 0")
+        for name in ("along_sigma_s", "cross_sigma_m"):
+            if not getattr(self, name) >= 0.0:
+                raise ValueError(f"{name}={getattr(self, name)} must be >= 0")
         if len(self.t_s) < 2 or np.any(np.diff(self.t_s) <= 0.0):
             raise ValueError(f"t_s must have at least 2 increasing times, has {len(self.t_s)}")
 

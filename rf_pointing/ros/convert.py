@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 Signal = TypeVar("Signal")
 Message = TypeVar("Message")
 ORBIT_FRAME = "orbit"
+NOT_KNOWN = -1.0
 # Samples over a longer time do not measure a moving antenna.
 LONGEST_CLUSTER_S = 100.0
 # The leftmost match counts: `aos_t_s` loses `_t_s`, not only `_s`.
@@ -41,8 +42,9 @@ def pair(
     """Return the function from a signal to its message, and the one from the message to the signal.
 
     Their fields have the same names, but for the unit that only the signal's carry; `t_s` is the
-    stamp of the header.  `other_names` are the message's names that differ, by the signal's; None
-    for a field that is not on the wire.  Both functions take the values of further fields, or of
+    stamp of the header.  A number that may be None is negative on the wire while it is.
+    `other_names` are the message's names that differ, by the signal's; None for a field that is not
+    on the wire.  Both functions take the values of further fields, or of
     those that another shape on the wire keeps from being copied, as keywords.
     """
     kinds = get_type_hints(signal_type)
@@ -73,6 +75,8 @@ def _maker(blank: Any) -> Callable[[Any], Any]:
     """Return what makes the value of a field whose initial value is `blank`."""
     if isinstance(blank, Time):
         return stamp_from_seconds
+    if isinstance(blank, float) and blank == NOT_KNOWN:
+        return lambda value: NOT_KNOWN if value is None else float(value)
     # The wire has fixed arrays without shape: row-major.
     if isinstance(blank, np.ndarray):
         return lambda values: np.asarray(values, dtype=blank.dtype).ravel()
@@ -83,6 +87,8 @@ def _maker(blank: Any) -> Callable[[Any], Any]:
 def _read(value: Any, kind: Any) -> Any:
     if isinstance(value, Time):
         return seconds_from_stamp(value)
+    if kind == float | None:
+        return None if value < 0.0 else value
     return tuple(np.array(value).tolist()) if get_origin(kind) is tuple else value
 
 

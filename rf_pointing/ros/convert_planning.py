@@ -31,10 +31,9 @@ _scheduled_to_message, _scheduled_from_message = pair(
 _certificate_to_message, _certificate_from_message = pair(
     Certificate, ours.PassCertificate, name="target", issued_t_s=None, branches=None, machine=None, mount=None
 )
-# What is known of the target is in the certificate's file and text, not on the wire.
-_NOT_SENT = ("crossing", "axes_rad", "held_s", "held_90_s", "loss_90_db", "fresh_held_90_s", "fresh_loss_90_db",
-             "search_rate_rad_s")  # fmt: skip
-_branch_to_message, _branch_from_message = pair(Branch, ours.PassBranch, reasons="refusals", **dict.fromkeys(_NOT_SENT))
+_branch_to_message, _branch_from_message = pair(
+    Branch, ours.PassBranch, reasons="refusals", crossing=None, axes_rad=None
+)
 _, _goal_from_message = pair(PassGoal, TrackPass.Goal, window=None, scan=None)
 scan_to_message, _scan_from_message = pair(ScanProgramParams, Scan.Goal, baseline_s="baseline_time")
 
@@ -95,6 +94,7 @@ def profile_to_message(profile: PassProfile) -> ours.PassProfile:
         setattr(message, f"elevation{ending}", values[:, 1].tolist())
     message.sun_azimuth, message.sun_elevation = (part.tolist() for part in profile.sun_rad.T)
     message.range, message.satellite_gain = profile.range_m.tolist(), profile.satellite_gain_db.tolist()
+    message.along_sigma, message.cross_sigma = profile.along_sigma_s, profile.cross_sigma_m
     return message
 
 
@@ -114,6 +114,8 @@ def profile_from_message(message: ours.PassProfile) -> PassProfile:
         sun_rad=np.column_stack([message.sun_azimuth, message.sun_elevation]),
         range_m=np.array(message.range),
         satellite_gain_db=np.array(message.satellite_gain),
+        along_sigma_s=message.along_sigma,
+        cross_sigma_m=message.cross_sigma,
         **pairs,
     )
 

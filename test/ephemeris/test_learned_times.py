@@ -33,10 +33,14 @@ def held(track: TopocentricTrack, ahead_s: float, sigma_rad: float = 10.0 * MDEG
     return [HeldDirection(t_s=t, azimuth_rad=az, elevation_rad=el, beamwidth_rad=BEAM_RAD) for t, az, el in rows]
 
 
-def taught(times: LearnedTimes, track: TopocentricTrack, ahead_s: float, about_s: float = TCA_T_S) -> str:
+EXACT = ElementUncertainty(along_m=0.0, along_growth_m_s=0.0, along_drag_m_s2=0.0)
+
+
+def taught(times: LearnedTimes, track: TopocentricTrack, ahead_s: float, about_s: float = TCA_T_S,
+           law: ElementUncertainty = LAW) -> str:  # fmt: skip
     for each in held(track, ahead_s, about_s=about_s):
         times.take(each)
-    return times.end_pass(track, LAW)
+    return times.end_pass(track, law)
 
 
 @pytest.mark.parametrize("ahead_s", [-7.0, -1.0, 0.05, 4.0, 14.0])
@@ -77,6 +81,10 @@ def test_a_pass_teaches_the_next_one_also_after_a_restart(track: TopocentricTrac
     assert again.applied(led, TCA_T_S, LAW).learned is None
     with pytest.raises(ValueError, match=f"nothing was learned of {track.name}"):
         again.forget(track.name)
+
+
+def test_a_pass_teaches_also_against_a_law_without_errors(track: TopocentricTrack) -> None:
+    assert "from 1 pass" in taught(LearnedTimes(""), track, 1.5, law=EXACT)
 
 
 def test_too_short_a_pass_teaches_nothing(track: TopocentricTrack) -> None:
