@@ -11,7 +11,10 @@ import ast
 import importlib
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
 
 
 def lazily(package: str, file: str) -> Callable[[str], Any]:
@@ -31,3 +34,11 @@ def lazily(package: str, file: str) -> Callable[[str], Any]:
         return value
 
     return load
+
+
+def installed(group: str) -> "dict[str, EntryPoint]":
+    """Return the entry points of a group in all installed packages, by name."""
+    # Imported here: it costs 2 MB, and most stations have nothing of another package.
+    from importlib.metadata import entry_points
+
+    return {point.name: point for point in entry_points(group=group)}

@@ -97,7 +97,7 @@ def _stops(azimuth: Array, limits: AxisLimits) -> list[tuple[float, float]]:
 
 
 def _stopped(t_s: Array, motion: Triple, stops_rad: Pair, gain: Gain, limits: AxisMotionLimits) -> Crossing | None:
-    """Return the way of least loss within the ends of the travel, and past the zenith if need be."""
+    """Return the way of least loss within the ends of the travel, past the zenith if need be."""
     over = cross(t_s, *motion, limits, gain)
     path = motion if over is None else _joined(t_s, motion, over, motion)
     return within_stops(t_s, *path, stops_rad, gain, limits, motion[0])
