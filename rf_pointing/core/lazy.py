@@ -11,10 +11,7 @@ import ast
 import importlib
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from importlib.metadata import EntryPoint
+from typing import Any
 
 
 def lazily(package: str, file: str) -> Callable[[str], Any]:
@@ -36,7 +33,7 @@ def lazily(package: str, file: str) -> Callable[[str], Any]:
     return load
 
 
-def installed(group: str) -> "dict[str, EntryPoint]":
+def installed(group: str) -> dict[str, Any]:
     """Return the entry points of a group in all installed packages, by name."""
     # Imported here: it costs 2 MB, and most stations have nothing of another package.
     from importlib.metadata import entry_points

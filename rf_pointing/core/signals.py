@@ -7,7 +7,6 @@ one turn.
 """
 
 import math
-import re
 from bisect import bisect_left
 from dataclasses import dataclass, field
 
@@ -31,14 +30,6 @@ LONGEST_GAP_S = 0.5
 FARTHEST_RAD = 10.0 * 2.0 * math.pi
 LEAST_KNOWN_RAD, LEAST_KNOWN_S = math.pi, 3600.0
 """Standard deviations of a direction and of a time along the orbit: of more nothing is known."""
-
-# The leftmost match counts: `aos_t_s` loses `_t_s`, not only `_s`.
-_UNIT = re.compile(r"_(rad_s2|rad_s|rad2|rad|m_s|m|t_s|s|w|db_hz|db)$")
-
-
-def wire_name(name: str) -> str:
-    """Return the name of a message's field: that of a signal's field without the unit."""
-    return _UNIT.sub("", name)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -117,7 +117,8 @@ class Branch:
     def label(self) -> str:
         """The branch in words."""
         way = ("over back" if self.plunge else "over") if self.over else ("plunge" if self.plunge else "direct")
-        return f"{way}, {self.turns:+d} turns" + (", unwinds" if self.turned else ", waits") * self.at_stop
+        stop = ", unwinds" if self.turned else ", waits" if self.at_stop else ""
+        return f"{way}, {self.turns:+d} turns{stop}"
 
     @property
     def at_stop(self) -> bool:

@@ -34,13 +34,13 @@ def within_stops(
     """Return the motion of least loss that keeps an azimuth within `ends_rad`; None without one.
 
     The path (n, 2) is as the axes would have to move, at even times.  One that crosses the zenith
-    beside its `target` (n, 2) stays within the ends as well; both crossings are one.
+    off its `target` (n, 2) stays within the ends as well; both crossings are one.
     """
     best: tuple[float, Crossing] | None = None
     aim = position if target is None else target
-    beside = np.flatnonzero(np.any(position != aim, axis=1))
+    off = np.flatnonzero(np.any(position != aim, axis=1))
     for wanted, first, last, turns in _ways(t_s, position[:, 0], ends_rad, limits.rate_rad_s[0]):
-        way = wanted, min([first, *beside[:1]]), max([last, *beside[-1:]]), turns
+        way = wanted, min([first, *off[:1]]), max([last, *off[-1:]]), turns
         found = _rounded(t_s, position, velocity, acceleration, way, limits, aim)
         lost = float(np.sum(1.0 - gain(found.error_rad)))
         inside = ends_rad[0] <= found.position_rad[:, 0].min() and found.position_rad[:, 0].max() <= ends_rad[1]

@@ -4,6 +4,7 @@ Each message becomes the dataclass that its node makes of it; one that is refuse
 as a problem of the recording here.
 """
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
@@ -22,7 +23,6 @@ from rf_pointing.core import (
     SkyUncertainty,
     Target,
 )
-from rf_pointing.core.signals import wire_name
 from rf_pointing.core.types import Array
 from rf_pointing.ephemeris import Pass
 from rf_pointing.report.analysis import Timeline, timeline, tracked_pass
@@ -33,6 +33,13 @@ from rf_pointing.station.pointing.status import TrackingStatus
 
 CHANNELS = ("sum", "difference_cross_elevation", "difference_elevation")
 WIND = "weather/wind"
+# The leftmost match counts: `aos_t_s` loses `_t_s`, not only `_s`.
+_UNIT = re.compile(r"_(rad_s2|rad_s|rad2|rad|m_s|m|t_s|s|w|db_hz|db)$")
+
+
+def wire_name(name: str) -> str:
+    """Return the name of a message's field: that of the signal's without the unit."""
+    return _UNIT.sub("", name)
 
 
 def _t_s(stamp: Any) -> float:

@@ -5,6 +5,7 @@ joint raises the ValueError of the signal.
 """
 
 import math
+import re
 from array import array
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, TypeVar, get_origin, get_type_hints
@@ -19,7 +20,6 @@ from trajectory_msgs.msg import JointTrajectoryPoint
 
 from rf_pointing import core
 from rf_pointing.core.constants import ZERO_CELSIUS_K
-from rf_pointing.core.signals import wire_name
 from rf_pointing.ros.stamps import seconds_from_stamp, stamp_from_seconds
 from rf_pointing.station.pointing.status import TrackingStatus
 
@@ -31,6 +31,8 @@ Message = TypeVar("Message")
 ORBIT_FRAME = "orbit"
 # Samples over a longer time do not measure a moving antenna.
 LONGEST_CLUSTER_S = 100.0
+# The leftmost match counts: `aos_t_s` loses `_t_s`, not only `_s`.
+_UNIT = re.compile(r"_(rad_s2|rad_s|rad2|rad|m_s|m|t_s|s|w|db_hz|db)$")
 
 
 def pair(
@@ -44,7 +46,7 @@ def pair(
     those that another shape on the wire keeps from being copied, as keywords.
     """
     kinds = get_type_hints(signal_type)
-    names = {name: other_names.get(name, wire_name(name)) for name in kinds if name != "t_s"}
+    names = {name: other_names.get(name, _UNIT.sub("", name)) for name in kinds if name != "t_s"}
     wires = {name: wire for name, wire in names.items() if wire is not None}
     # A field without a counterpart is found here, when the module is imported.
     blank = message_type()
