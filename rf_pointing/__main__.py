@@ -10,6 +10,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from rf_pointing.core.lazy import installed
 from rf_pointing.ros import NODE_USAGE
 
 if TYPE_CHECKING:
@@ -24,11 +25,8 @@ ROS = ("rclpy", "rf_pointing_msgs", "builtin_interfaces", "ament_index_python")
 
 def main(argv: list[str] | None = None) -> None:
     """Start the executable that the first argument names; exit code 2 for one that is not there."""
-    # Imported late: every executable starts here, and a node has no use for it.
-    from importlib.metadata import entry_points
-
     given = sys.argv[1:] if argv is None else argv
-    found = {point.name: point for point in entry_points(group=EXECUTABLES)}
+    found = installed(EXECUTABLES)
     if not given or given[0] in ("-h", "--help"):
         # `rf-pointing | head` ends as any other program does.
         signal.signal(signal.SIGPIPE, signal.SIG_DFL)

@@ -150,7 +150,7 @@ def _read(groups: Any) -> Iterator[Declared]:
     for name, (group, edge) in groups.names().items():
         item, value = sets[group][edge]
         yield Declared(
-            group, name, parameter_unit(edge), _value(value, 9), _bounds(item), groups.is_live(name),
+            group, name, parameter_unit(edge), _value(value, 9), _bounds(item), name in groups.live,
             item.metadata["description"], groups.station_key(name),
         )  # fmt: skip
 

@@ -12,13 +12,12 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
 from rf_pointing.core.checks import one_of
+from rf_pointing.core.lazy import installed
 from rf_pointing.core.types import Pair
 from rf_pointing.drives.drive import Drive
 from rf_pointing.drives.params import DriveParams
 
 if TYPE_CHECKING:
-    from importlib.metadata import EntryPoint
-
     from rf_pointing.drives.protocols import DeviceProtocol
 
 ENTRY_POINTS = "rf_pointing.drives"
@@ -29,14 +28,7 @@ SIMULATED = ("simulated", SIMULATED_ROTATOR)
 
 def known_types() -> list[str]:
     """Return the names of the drives that `make_drive` can make here."""
-    return [SIMULATED_ROTATOR, *_protocols(), *_factories()]
-
-
-def _factories() -> "Mapping[str, EntryPoint]":
-    # Imported here: it costs 2 MB, and most stations have a drive of this package.
-    from importlib.metadata import entry_points
-
-    return {point.name: point for point in entry_points(group=ENTRY_POINTS)}
+    return [SIMULATED_ROTATOR, *_protocols(), *installed(ENTRY_POINTS)]
 
 
 def _protocols() -> "Mapping[str, Callable[[str], DeviceProtocol]]":
@@ -82,7 +74,7 @@ def make_drive(params: DriveParams, start_rad: Pair = (0.0, 0.0)) -> Drive:
         from rf_pointing.drives.polled import PolledDrive
 
         return PolledDrive(_protocols()[params.type](params.model), params)
-    if point := _factories().get(params.type):
+    if point := installed(ENTRY_POINTS).get(params.type):
         made: Drive = point.load()(params)
         return made
     if params.type in ("simulated", "topic"):

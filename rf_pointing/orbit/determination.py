@@ -165,7 +165,7 @@ class Dynamics:
 
     def _together(self, epoch_t_s: float, values: Array, t_s: Array) -> Array:
         flat = values.reshape(-1, values.shape[-1])
-        # In the order of `forces.SCALES`.
+        # In the order of `forces.NOMINAL_SCALES`.
         scales = np.stack([flat[:, 6], flat[:, -1], flat[:, -2]], axis=1)
         whole = np.empty((len(t_s), len(flat), 6))
         start, begin_s, parts = flat[:, :6], epoch_t_s, [np.ones(len(t_s), dtype=bool)]

@@ -24,9 +24,8 @@ from rf_pointing.orbit.geopotential import MOST_DEGREES, attraction
 
 EARTH_RATE_RAD_S = 7.292115855e-5
 """Sidereal turning rate with respect to the equinox of date (IAU 1982)."""
-SCALES = ("air", "radiation", "field")
-"""Factors of each satellite: of drag, of radiation, and of the field beyond `degree`."""
 NOMINAL_SCALES = (1.0, 1.0, 0.0)
+"""Factors of each satellite: of drag, of radiation, and of the field beyond `degree`."""
 AU_M, SUN_RADIUS_M = 1.495_978_707e11, 6.957e8
 SUN_PRESSURE_N_M2 = 4.56e-6
 """At one astronomical unit, of light that is absorbed."""
@@ -95,7 +94,7 @@ class Disturbances(Params):
     def acceleration(self, t_s: float, states: Array, scales: Array | None = None) -> Array:
         """Return the acceleration (m, 3) of states (m, 6) at one time, m/s^2.
 
-        `scales` (m, 3) are the factors `SCALES` of each; None: the nominal ones.
+        `scales` (m, 3) are the factors as in `NOMINAL_SCALES`; None: these.
         """
         # One bundle holds orbits of several forces: their differences are partials.
         factors = np.broadcast_to(NOMINAL_SCALES, (len(states), 3)) if scales is None else scales

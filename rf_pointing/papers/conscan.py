@@ -4,12 +4,13 @@ import math
 
 import numpy as np
 
-from rf_pointing.core import MDEG, MU, random_stream, require_between
+from rf_pointing.core import MDEG, random_stream, require_between
 from rf_pointing.core.types import Array
 from rf_pointing.papers.conscan_cases import (
     BEAM_KA_RAD,
     BEAM_X_RAD,
     RADIUS_RAD,
+    bound_rad,
     circle,
     conscan_normalised_errors,
     constant_noise_estimates,
@@ -209,7 +210,7 @@ def _exact_estimator_rows(seed: int) -> list[Row]:
             beam_design(np.column_stack([x, y]), BEAM_KA_RAD), power, noise
         ).error_rad
         biases.append(np.max(np.abs(np.mean(estimates, axis=0) - error)) / MDEG)
-        ratios.append(np.max(np.abs(sigma_after(estimates)[0] / _bound_rad(mean, x, y) - 1.0)))
+        ratios.append(np.max(np.abs(sigma_after(estimates)[0] / bound_rad(mean, x, y) - 1.0)))
         remarks.append(f"{biases[-1]:.4f}")
     mean = mean_power_hz(30.0, BEAM_KA_RAD, np.array([8.5, 0.0]) * MDEG, x, y)
     linear = constant_noise_estimates(
@@ -229,17 +230,6 @@ def _exact_estimator_rows(seed: int) -> list[Row]:
             0.01,
         ),
     ]  # fmt: skip
-
-
-def _bound_rad(mean_hz: Array, x: Array, y: Array) -> Array:
-    """Cramer-Rao bound per axis.
-
-    Fisher information P / (2 N0) per second in the logarithm of the power.
-    """
-    rows_ = np.stack(
-        [np.ones_like(x), 2.0 * MU * x / BEAM_KA_RAD**2, 2.0 * MU * y / BEAM_KA_RAD**2]
-    )
-    return np.asarray(np.sqrt(np.diag(np.linalg.inv(0.5 * mean_hz * rows_ @ rows_.T))[1:]))
 
 
 def _honesty_row(seed: int) -> Row:

@@ -247,16 +247,20 @@ def estimator_curves(level_db_hz: float, runs: int, seed: int, points: int = 12)
         linear = linear_errors_rad(PowerWindow(rows), power, BEAM_KA_RAD, RADIUS_RAD)[:, 0] - error
         exact = fit_beam(design, power, noise).error_rad[:, 0] - error
         found.append(
-            (linear.mean(), linear.std(), exact.mean(), exact.std(), _bound_rad(mean, x, y))
+            (linear.mean(), linear.std(), exact.mean(), exact.std(), bound_rad(mean, x, y)[0])
         )
     return EstimatorCurves(
         errors / MDEG, *(np.array(column) / MDEG for column in zip(*found, strict=True))
     )
 
 
-def _bound_rad(mean_hz: Array, x: Array, y: Array) -> float:
+def bound_rad(mean_hz: Array, x: Array, y: Array) -> Array:
+    """Return the Cramer-Rao bound (2,) of both axes.
+
+    Fisher information P / (2 N0) per second in the logarithm of the power.
+    """
     rows = np.stack([np.ones_like(x), 2.0 * MU * x / BEAM_KA_RAD**2, 2.0 * MU * y / BEAM_KA_RAD**2])
-    return float(np.sqrt(np.linalg.inv(0.5 * mean_hz * rows @ rows.T)[1, 1]))
+    return np.asarray(np.sqrt(np.diag(np.linalg.inv(0.5 * mean_hz * rows @ rows.T))[1:]))
 
 
 def draw(path: Path, runs: int = 40_000, seed: int = 1) -> None:

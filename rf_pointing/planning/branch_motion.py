@@ -69,9 +69,9 @@ def branch_motions(
         within = partial(cross, t_s, *motion, gain=gain)
         crossing, axes = _planned(t_s, motion, motion, machine.planned, ends_rad, lag, within)
         found.append(BranchMotion(plunge, motion, crossing, axes))
-        for stops_rad in _stops(axes[:, 0], limits) if crossing is None else ():
-            stopped = partial(within_stops, t_s, *motion, stops_rad, gain)
-            crossing, axes = _planned(t_s, motion, motion, machine.planned, ANYWHERE, lag, stopped)
+        for stops_rad in _stops(axes[:, 0], limits):
+            stopped = partial(_stopped, t_s, motion, stops_rad, gain)
+            crossing, axes = _planned(t_s, motion, motion, machine.planned, ends_rad, lag, stopped)
             if crossing is not None:
                 found.append(BranchMotion(plunge, motion, crossing, axes))
     # An axis that ends at 95 or 100 deg cannot finish a pass over the top; the branch is
@@ -94,6 +94,13 @@ def _stops(azimuth: Array, limits: AxisLimits) -> list[tuple[float, float]]:
         return []
     turns = range(math.ceil((least - high) / TURN), math.floor((most - low) / TURN) + 1)
     return [(least - each * TURN, most - each * TURN) for each in turns]
+
+
+def _stopped(t_s: Array, motion: Triple, stops_rad: Pair, gain: Gain, limits: AxisMotionLimits) -> Crossing | None:
+    """Return the way of least loss within the ends of the travel, past the zenith if need be."""
+    over = cross(t_s, *motion, limits, gain)
+    path = motion if over is None else _joined(t_s, motion, over, motion)
+    return within_stops(t_s, *path, stops_rad, gain, limits, motion[0])
 
 
 def _over(

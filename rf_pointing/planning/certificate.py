@@ -117,13 +117,18 @@ class Branch:
     def label(self) -> str:
         """The branch in words."""
         way = ("over back" if self.plunge else "over") if self.over else ("plunge" if self.plunge else "direct")
-        stop = self.crossing is not None and self.crossing.at_stop
-        return f"{way}, {self.turns:+d} turns" + (", unwinds" if self.turned else ", waits") * stop
+        stop = ", unwinds" if self.turned else ", waits" if self.at_stop else ""
+        return f"{way}, {self.turns:+d} turns{stop}"
+
+    @property
+    def at_stop(self) -> bool:
+        """Whether the pass crosses an end of the azimuth's travel."""
+        return self.crossing is not None and self.crossing.at_stop
 
     @property
     def turned(self) -> bool:
         """Whether the azimuth is unwound by a turn in the pass."""
-        return self.crossing is not None and self.crossing.at_stop and self.crossing.turn_rad != 0.0
+        return self.crossing is not None and self.at_stop and self.crossing.turn_rad != 0.0
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -42,12 +42,11 @@ def certificate_lines(certificate: Certificate) -> list[str]:
     verdict = f"taken: {chosen.label}, start at {names[0]} {math.degrees(chosen.start_rad[0]):.1f} deg"
     if chosen.keyhole_s > 0.0:
         deep = "more than " if chosen.peak_loss_db >= SIDELOBE_DB else ""
-        stop = chosen.crossing is not None and chosen.crossing.at_stop
         how = (
             "unwinds in the pass"
             if chosen.turned
             else "waits at the stop"
-            if stop
+            if chosen.at_stop
             else "crosses the keyhole at its limits"
             if not mount.level
             else "crosses the zenith at its limits"

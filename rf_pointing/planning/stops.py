@@ -29,14 +29,19 @@ def within_stops(
     ends_rad: tuple[float, float],
     gain: Gain,
     limits: AxisMotionLimits,
+    target: Array | None = None,
 ) -> Crossing | None:
     """Return the motion of least loss that keeps an azimuth within `ends_rad`; None without one.
 
-    The path (n, 2) is as the axes would have to move, at even times.
+    The path (n, 2) is as the axes would have to move, at even times.  One that crosses the zenith
+    off its `target` (n, 2) stays within the ends as well; both crossings are one.
     """
     best: tuple[float, Crossing] | None = None
+    aim = position if target is None else target
+    off = np.flatnonzero(np.any(position != aim, axis=1))
     for wanted, first, last, turns in _ways(t_s, position[:, 0], ends_rad, limits.rate_rad_s[0]):
-        found = _rounded(t_s, position, velocity, acceleration, (wanted, first, last, turns), limits)
+        way = wanted, min([first, *off[:1]]), max([last, *off[-1:]]), turns
+        found = _rounded(t_s, position, velocity, acceleration, way, limits, aim)
         lost = float(np.sum(1.0 - gain(found.error_rad)))
         inside = ends_rad[0] <= found.position_rad[:, 0].min() and found.position_rad[:, 0].max() <= ends_rad[1]
         if inside and (best is None or lost < best[0]):
@@ -50,7 +55,9 @@ def _ways(
     """Yield azimuths (n,) with corners, the rows of the first and the last one, and the turns."""
     low, high = ends_rad[0] + INSIDE_RAD, ends_rad[1] - INSIDE_RAD
     past = np.flatnonzero((azimuth < low) | (azimuth > high))
-    yield np.clip(azimuth, low, high), int(past[0]), int(past[-1]), 0
+    # A path that only its lags lead beyond an end is clipped nowhere.
+    if len(past):
+        yield np.clip(azimuth, low, high), int(past[0]), int(past[-1]), 0
     rows = np.arange(len(t_s))
     for turns in (-1, 1):
         other = azimuth + turns * TURN
@@ -72,6 +79,7 @@ def _rounded(
     acceleration: Array,
     way: tuple[Array, int, int, int],
     limits: AxisMotionLimits,
+    target: Array,
 ) -> Crossing:
     wanted, first, last, turns = way
     step_s = float(t_s[1] - t_s[0])
@@ -94,7 +102,7 @@ def _rounded(
     bend = np.gradient(rate, step_s, axis=0)
     for row in {begin, end} - {0, len(t_s) - 1}:
         rate[row], bend[row] = velocity[row], acceleration[row]
-    error = angle_between(moved[part], position[part])
+    error = angle_between(moved[part], target[part])
     middle_s = float(t_s[(first + last) // 2])
     return Crossing(
         t_s[part], moved[part], rate[part], bend[part], error, turn_rad=turns * TURN, turn_t_s=middle_s, at_stop=True

@@ -9,15 +9,14 @@ the clock:
 """
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from rf_pointing.core.lazy import installed
 from rf_pointing.receiver.params import LEVELS, PREAMBLE, SignalReceiverParams
 from rf_pointing.receiver.preamble import constellation
 
 if TYPE_CHECKING:
-    from importlib.metadata import EntryPoint
-
     from rf_pointing.receiver.source import Source
 
 ENTRY_POINTS = "rf_pointing.receivers"
@@ -38,13 +37,7 @@ _MODULES = {
 
 def known_types() -> list[str]:
     """Return the names of the receivers that a description may name here."""
-    return [*TYPES, *_factories()]
-
-
-def _factories() -> "Mapping[str, EntryPoint]":
-    from importlib.metadata import entry_points
-
-    return {point.name: point for point in entry_points(group=ENTRY_POINTS)}
+    return [*TYPES, *installed(ENTRY_POINTS)]
 
 
 def make_source(params: SignalReceiverParams, now_s: Callable[[], float]) -> "Source":
@@ -62,7 +55,7 @@ def make_source(params: SignalReceiverParams, now_s: Callable[[], float]) -> "So
             params, now_s
         )
         return source
-    if point := _factories().get(params.type):
+    if point := installed(ENTRY_POINTS).get(params.type):
         made: Source = point.load()(params, now_s)
         return made
     if params.type in (SIMULATED, TOPIC):

@@ -37,9 +37,10 @@ class ParameterGroups:
         self._owner: dict[str, tuple[str, str]] = {}
         self._listeners: list[Callable[[], None]] = []
         self._checks: list[Callable[[Mapping[str, Any]], None]] = []
-        self._live: set[str] = set()
+        self.live: set[str] = set()
+        """Parameters that may change while the node is configured."""
         self._station: Mapping[str, Any] = {}
-        self._station_key: Callable[[str], str] = lambda _name: ""
+        self.station_key: Callable[[str], str] = lambda _name: ""
         self.reasons: list[str] = []
         self.configured = False
         node.add_on_set_parameters_callback(self._try)
@@ -50,11 +51,7 @@ class ParameterGroups:
 
         `key(name)` is the key of the description that gives a parameter, "" if none does.
         """
-        self._station, self._station_key = values, key
-
-    def station_key(self, name: str) -> str:
-        """Return the key of the station description that gives a parameter, "" if none does."""
-        return self._station_key(name)
+        self._station, self.station_key = values, key
 
     def declare(
         self, prefix: str, defaults: Params, *, live: bool | Collection[str] = False, group: str | None = None
@@ -76,7 +73,7 @@ class ParameterGroups:
             given.append(self._declare_one(name, value, _descriptor(item, edge, at_once)))
             self._owner[name] = (group, edge)
             if at_once:
-                self._live.add(name)
+                self.live.add(name)
         try:
             self._groups.update(self._candidates(given))
         except ValueError as error:
@@ -93,10 +90,6 @@ class ParameterGroups:
     def names(self) -> dict[str, tuple[str, str]]:
         """Return set and edge name of every parameter by its name."""
         return dict(self._owner)
-
-    def is_live(self, name: str) -> bool:
-        """Return whether the parameter of this name may change while the node is configured."""
-        return name in self._live
 
     def put(self, prefix: str, wanted: Params) -> None:
         """Set the parameters under `prefix` to those of `wanted`, which the node uses already."""
@@ -136,7 +129,7 @@ class ParameterGroups:
         return f"{name}: no such parameter of {self._node.get_name()}{nearest(name, self._owner)}"
 
     def _declare_one(self, name: str, default: Any, descriptor: ParameterDescriptor) -> Parameter:
-        key = self._station_key(name)
+        key = self.station_key(name)
         if key:
             constraints = (descriptor.additional_constraints, f"given by the station description: {key}")
             descriptor.additional_constraints = "; ".join(filter(None, constraints))
@@ -209,10 +202,10 @@ class ParameterGroups:
         """
         for change in changes:
             # A drive that waits for a simulated clock would have the wrong time at once.
-            fixed = (change.name in self._owner and change.name not in self._live) or change.name == _CLOCK
+            fixed = (change.name in self._owner and change.name not in self.live) or change.name == _CLOCK
             if not fixed or _plain(change.value) == _plain(self._node.get_parameter(change.name).value):
                 continue
-            if key := self._station_key(change.name):
+            if key := self.station_key(change.name):
                 raise ValueError(f"{change.name} is given by the station description: {key}")
             if self.configured:
                 node = self._node.get_name()

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from functools import cache
 
 from rf_pointing.core import Mode, Sensor
+from rf_pointing.core.lazy import installed
 from rf_pointing.tracking.scan import Scan
 
 ENTRY_POINTS = "rf_pointing.trackers"
@@ -110,9 +111,7 @@ def load_trackers() -> None:
 
     Not done on import: a tracker's own module imports this one.
     """
-    from importlib.metadata import entry_points
-
-    for point in entry_points(group=ENTRY_POINTS):
+    for point in installed(ENTRY_POINTS).values():
         register(point.load())
 
 

@@ -142,6 +142,26 @@ def test_the_plan_of_many_has_the_passes_of_each_in_every_form(station: rp.Stati
     assert {row["name"] for row in mixed.rows} == {"CBERS 2", "Sun"}
 
 
+@pytest.mark.parametrize("shipped", ["dss13", "geo_7m", "leo_3m7", "rotator_2m", "vhf_uhf_yagi"])
+@pytest.mark.parametrize(("name", "start"), [("odd", "2026-11-25T00:30:00"), ("decay", "2026-11-26T00:00:00")])
+def test_a_pass_is_the_same_by_search_certificate_and_plan(shipped: str, name: str, start: str) -> None:
+    """Always up, cut by the window, ended by the elements, past an end of the travel: one definition."""
+    antenna, day = rp.Station(shipped), {"start": start, "hours": 8.0}
+    targets = rp.catalogue(Path("test/ephemeris/data/orbits") / f"{name}.tle")
+    plan = antenna.plan(targets, **day)
+    for target in targets:
+        alone, fates = antenna.passes(target, **day), []
+        for row in (one for one in plan.rows if one["name"] == target.name):
+            aos_s, los_s = (from_utc_text(row[key].rstrip("Z")) for key in ("aos_utc", "los_utc"))
+            # A pass that lasts is flown in pieces, and joined when the antenna can be there.
+            (whole,) = (each for each in alone if each.aos_t_s - 0.05 < aos_s and los_s < each.los_t_s + 0.05)
+            fates.append((whole.aos_t_s, row["fate"]))
+            assert (row["fate"] == "barred") <= (antenna.certificate(whole).chosen is None)
+        assert {aos_s for aos_s, _ in fates} == {one.aos_t_s for one in alone}
+        part = antenna.part_searched(target, start_t_s=from_utc_text(start), hours=8.0)
+        assert plan.unsearched.get(target.name, "") == part
+
+
 def test_a_calendar_keeps_rfc_5545_and_the_names(station: rp.Station, tmp_path: Path) -> None:
     from rf_pointing.ephemeris import find_elements, tle_lines, verification_elements
 

@@ -3,7 +3,6 @@
 import dataclasses
 import itertools
 import math
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,11 +18,9 @@ from rf_pointing.ephemeris import (
     TopocentricTrack,
     find_catalogue_passes,
     find_passes,
-    read_elements,
     site,
     verification_elements,
 )
-from rf_pointing.ephemeris.passes import part_searched
 
 START_T_S = 1151347200.0
 DAY_S = 86400.0
@@ -206,22 +203,3 @@ def test_angles_of_a_pass_of_the_catalogue_are_apparent_with_refraction_and_true
         # Seen earlier by the time in which it climbs by the refraction, about 0.16 deg here.
         assert 0.5 < other.aos_t_s - one.aos_t_s < 30.0
         assert one.peak_elevation_rad == pytest.approx(float(air.apply(other.peak_elevation_rad)), abs=1e-6)
-
-
-@pytest.mark.parametrize("name", ["decay.tle", "odd.tle"])
-def test_every_object_has_the_passes_of_the_search_of_one(name: str, goldstone: Site) -> None:
-    """Geostationary, inclined, eccentric and decaying: the same passes, and the same word on the rest."""
-    elements = read_elements((Path(__file__).parent / "data" / "orbits" / name).read_text())
-    start_s, length_s = max(one.epoch_t_s for one in elements), 2.0 * DAY_S
-    found = find_catalogue_passes(elements, goldstone, start_s, length_s, MASK_RAD)
-    partly = {one.name: reason for one, reason in found.unsearched}
-    assert bool(partly) == any(one.name in ("DECAY", "reent A") for one in elements)
-    for one in elements:
-        track = TopocentricTrack(one, goldstone)
-        mine = [window for window in found.passes if window.target is one]
-        wanted = find_passes(track, start_s, length_s, MASK_RAD)
-        assert len(mine) == len(wanted)
-        for window, single in zip(mine, wanted, strict=True):
-            assert (window.aos_t_s, window.los_t_s) == pytest.approx((single.aos_t_s, single.los_t_s), abs=0.05)
-            assert (window.rises_before, window.sets_after) == (single.rises_before, single.sets_after)
-        assert partly.get(one.name, "") == part_searched(track, start_s, length_s)

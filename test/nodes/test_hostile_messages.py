@@ -273,7 +273,7 @@ def tried(node: Any, name: str, random: Random) -> list[Any]:
 def test_no_value_that_a_live_parameter_accepts_ends_the_work(attacked: Any, random: Random) -> None:
     """Each at its bounds, beyond them and between, in turn; those that are taken stay while the work goes on."""
     node = attacked.node
-    for name in sorted(filter(node.parameters.is_live, node.parameters.names())):
+    for name in sorted(node.parameters.live & set(node.parameters.names())):
         before = node.get_parameter(name).value
         for value in tried(node, name, random):
             attacked.change(**{name: value})

@@ -17,6 +17,7 @@ from rf_pointing.papers.satcal_motion import (
     to_earth_fixed,
     to_inertial,
 )
+from test.orbit.test_motion import ORBIT as CALIBRATED
 
 MAURITIUS = Site(name="Mauritius", latitude_rad=math.radians(-20.34), longitude_rad=math.radians(57.45), height_m=50.0)
 EPOCH, GRAVITY = 827385062.07, Gravity()
@@ -55,14 +56,7 @@ def test_an_open_orbit_is_refused():
 
 @pytest.fixture(scope="module")
 def orbit():
-    start = Elements(
-        semi_major_axis_m=7205497.854,
-        eccentricity=0.002332,
-        inclination_rad=math.radians(98.789565),
-        node_rad=math.radians(156.612388),
-        perigee_rad=math.radians(243.5181),
-        mean_anomaly_rad=math.radians(325.4653),
-    ).state()
+    start = CALIBRATED.state()
     return propagate(EPOCH, start, EPOCH + np.arange(-200.0, 201.0, 1.0), Gravity())
 
 

@@ -5,19 +5,13 @@ import pytest
 
 from rf_pointing.papers.satcal_batch import Arc, fit_orbit, preliminary_orbit, starting_state, times_of
 from rf_pointing.papers.satcal_looks import look
-from rf_pointing.papers.satcal_motion import Elements, Gravity, Site, propagate
+from rf_pointing.papers.satcal_motion import Gravity, Site, propagate
+from test.orbit.test_motion import ORBIT
 
 EPOCH, GRAVITY = 827385062.07, Gravity()
 MAURITIUS = Site(name="Mauritius", latitude_rad=math.radians(-20.34), longitude_rad=math.radians(57.45))
 BANGALORE = Site(name="Bangalore", latitude_rad=math.radians(13.03), longitude_rad=math.radians(77.51))
-START = Elements(
-    semi_major_axis_m=7205497.854,
-    eccentricity=0.002332,
-    inclination_rad=math.radians(98.789565),
-    node_rad=math.radians(156.612388),
-    perigee_rad=math.radians(243.5181),
-    mean_anomaly_rad=math.radians(325.4653),
-).state()
+START = ORBIT.state()
 
 
 @pytest.fixture(scope="module")

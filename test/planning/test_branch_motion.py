@@ -17,7 +17,7 @@ def test_a_dish_that_leans_may_go_over_from_either_side() -> None:
     """The way back over the top is the same with the dish turned: it loses as much."""
     t, first, second = sides(0.4, 1.0)
     machine = MachineParams(rate_limit_rad_s=LIMITS.rate_rad_s, acceleration_limit_rad_s2=LIMITS.acceleration_rad_s2)
-    travel = AxisLimits(elevation_max_rad=176.0 * DEG)
+    travel = AxisLimits(azimuth_min_rad=-270.0 * DEG, azimuth_max_rad=270.0 * DEG, elevation_max_rad=176.0 * DEG)
     found = branch_motions(t, {False: first, True: second}, machine, travel, beam(0.264), no_lag)
     over = {one.plunge: one for one in found if one.crossing is not None and one.crossing.over_t_s is not None}
     assert [one.plunge for one in found] == [False, True, False, True]

@@ -47,7 +47,7 @@ def test_an_entry_point_registers_a_tracker_for_parameters_and_the_state_table(
     example: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     radar = sensors.SensorTraits(name="radar")
-    point = SimpleNamespace(load=lambda: radar)
+    point = SimpleNamespace(name="own", load=lambda: radar)
     monkeypatch.setattr(
         importlib.metadata, "entry_points", lambda group: [point] if group == "rf_pointing.trackers" else []
     )

@@ -454,7 +454,6 @@ def followed(certificate: Certificate, turns: int) -> Branch | None:
     A crossing of the zenith is not planned for a target that may turn before it.
     """
     for branch in certificate.branches:
-        stopped = branch.crossing is not None and branch.crossing.at_stop
-        if branch.turns == turns and not (branch.plunge or branch.over or stopped):
+        if branch.turns == turns and not (branch.plunge or branch.over or branch.at_stop):
             return replace(branch, crossing=None)
     return None

@@ -7,25 +7,15 @@ import math
 import numpy as np
 import pytest
 
-from rf_pointing import planning
-from rf_pointing.calibration import BiasModel
 from rf_pointing.core.constants import EARTH_MU_M3_S2
 from rf_pointing.ephemeris import Elements, Site, TopocentricTrack, moon
-from rf_pointing.planning import HorizonMask
-from rf_pointing.station.pointing.certificates import PlanningRules, planned_certificate
+from rf_pointing.station.pointing.certificates import planned_certificate
 from rf_pointing.station.pointing.multi_satellite_plan import DayPass, Fate, PlannedAntenna, Wish, plan_day
 from rf_pointing.station.pointing.network_plan import NetworkDay, plan_days
+from test.station.pointing.test_multi_satellite_plan import RULES
 
 START_S = 1151347200.0
 LEAST_RAD = math.radians(5.0)
-RULES = PlanningRules(
-    model=BiasModel.zero(),
-    machine=planning.MachineParams(),
-    limits=planning.AxisLimits(),
-    mask=HorizonMask(),
-    gate=planning.GateParams(),
-    lag_averaging_s=0.0,
-)
 REST = (0.0, 1.2)
 
 
