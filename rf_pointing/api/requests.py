@@ -116,12 +116,13 @@ class RunRequest:
 
     @property
     def changes(self) -> dict[str, Any]:
-        """Values over those of the station's description, by dotted key: another receiver."""
+        """Values over those of the station's description, by dotted key: tilt, another receiver."""
+        content = self.station.description.content
+        leans = {} if content.mount.train_deg is None else {"mount.train_deg": content.mount.train_deg}
         if not self.receiver:
-            return {}
-        section = self.station.description.content.receiver
-        own = {name: getattr(section, name) for name in ("type", *OPEN)}
-        return {f"receiver.{name}": value for name, value in flat(own).items()}
+            return leans
+        own = {name: getattr(content.receiver, name) for name in ("type", *OPEN)}
+        return leans | {f"receiver.{name}": value for name, value in flat(own).items()}
 
     @cached_property
     def said(self) -> dict[str, dict[str, Any]]:
@@ -132,8 +133,9 @@ class RunRequest:
         """Return the whole seconds before acquisition: the slew from where the antenna may be."""
         params = self.station.controller
         limits, machine = params.limits, params.machine
-        if not self.station.simulated:
-            # A real antenna may be anywhere: the longest slew of the azimuth, or over the top.
+        if not (self.station.simulated and params.kinematics.level):
+            # A real antenna may be anywhere: the longest slew of the azimuth, or over the top.  Where
+            # a pass begins in the angles of other axes only its certificate knows.
             travel_rad = (
                 limits.azimuth_max_rad - limits.azimuth_min_rad,
                 limits.elevation_max_rad - limits.elevation_min_rad,
@@ -202,6 +204,9 @@ class TrackRequest(RunRequest):
     scan_sigma_mdeg: float | None = None
 
     def __post_init__(self) -> None:
+        if self.station.description.content.mount.leans_anywhere:
+            leaning = self.station.leaning(self.target, self.window)
+            object.__setattr__(self, "station", Station(leaning, self.station.band))
         super().__post_init__()
         require_between("min_peak_deg", self.min_peak_deg, 0.0, 90.0)
         if self.mask_deg is not None:

@@ -18,8 +18,9 @@ from rf_pointing.api.simulated import SimulatedPass
 from rf_pointing.api.target import MAX_AGE_S, Target
 from rf_pointing.calibration import BiasModel, read_model
 from rf_pointing.core import Sensor, require_choice
+from rf_pointing.core.dates import DAY_S
 from rf_pointing.core.pass_outcome import SCANNED
-from rf_pointing.ephemeris import Elements, TopocentricTrack, find_passes
+from rf_pointing.ephemeris import Elements, Pass, TopocentricTrack, find_passes
 from rf_pointing.ephemeris.passes import part_searched
 from rf_pointing.planning import AxisLimits
 from rf_pointing.simulation import StationSetup, simulate_pass
@@ -388,7 +389,16 @@ class Station:
         for node, values in (changes or {}).items():
             own[node] = own.get(node, {}) | dict(values)
         chosen = model or self.model
-        return StationSetup(self.description, self.band, changes=own, model=chosen, **more)
+        description = self.leaning(one.target, one.window)
+        return StationSetup(description, self.band, changes=own, model=chosen, **more)
+
+    def leaning(self, target: Target, window: Pass) -> StationDescription:
+        """Return the description for one pass: a tilt axis leans as its certificate chooses."""
+        if not self.description.content.mount.leans_anywhere:
+            return self.description
+        begin_s = window.aos_t_s - self.rules.mount.leaning_s - DAY_S
+        chosen, _ = planned_certificate(self.track_of(target), window, begin_s, self.start_rad, self.rules)
+        return self.description.leaning(chosen.mount.train_rad)
 
     def scan(
         self,

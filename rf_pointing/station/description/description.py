@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cache, cached_property
 from pathlib import Path
@@ -27,17 +28,20 @@ if TYPE_CHECKING:
 _PACKAGE = Path(__file__).parents[2]
 STATIONS = next(filter(Path.is_dir, (_PACKAGE / "config/stations", _PACKAGE.parent / "config/stations")))
 """Folder of the shipped descriptions: installed with the package, or config/ of a checkout."""
-OTHER_MOUNTS = STATIONS.parent / "other_mounts"
-"""Folder of those with other mounts, which most commands refuse."""
 DEFAULT_STATION = "dss13"
 OF_EVERY_NODE = (
     "lifecycle.autostart", "lifecycle.realtime_priority", "station", "band", "use_sim_time",
     "start_type_description_service",
 )  # fmt: skip
 KNOWS_EVERY_MOUNT = frozenset({"check_station", "plan_passes"})
-"""Commands that know axes by their mount; every node and any other command refuses other mounts."""
-SIMULATED_MOUNTS = frozenset({"x_y", "ha_dec"})
-"""Mounts that are simulated without ROS besides azimuth and elevation."""
+"""Commands that know axes by their mount."""
+FLIES_OTHER_MOUNTS = frozenset({
+    "simulate", "track",
+    "antenna_servo", "rf_receiver", "signal_source", "signal_receiver", *(each.node for each in SENSORS.values()),
+    "bias_calibrator", "ephemeris_publisher", "pointing_controller", "station_description", "rotctld_server",
+    "operator_page", "simulation_clock",
+})  # fmt: skip
+"""Commands and nodes that fly any mount whose tilt is set; any other refuses other mounts."""
 # Parameters of before, and the key that took their place.
 _FORMER = {
     ("ephemeris_publisher", "source.station"): "site",
@@ -72,6 +76,12 @@ class StationDescription:
     def received_by(self, section: ReceiverSection) -> "StationDescription":
         """Return the same station with another receiver."""
         content = dataclasses.replace(self.content, receiver=section)
+        return StationDescription(self.path, content, self.mask, self.lines)
+
+    def leaning(self, train_rad: float) -> "StationDescription":
+        """Return the same station with its tilt axis set to an azimuth."""
+        mount = dataclasses.replace(self.content.mount, train_deg=round(math.degrees(train_rad), 3))
+        content = dataclasses.replace(self.content, mount=mount)
         return StationDescription(self.path, content, self.mask, self.lines)
 
     @property
@@ -219,8 +229,11 @@ class StationDescription:
         Angles of other axes would be taken for azimuth and elevation.
         """
         kind = self.content.mount.type
-        known = user in KNOWS_EVERY_MOUNT or (user == "simulate" and kind in SIMULATED_MOUNTS)
-        if kind != AZIMUTH_ELEVATION and not known:
+        if user in FLIES_OTHER_MOUNTS and self.content.mount.leans_anywhere:
+            raise ValueError(
+                f"mount.train_deg of {self.name} is missing: {user} must know to which azimuth it leans in the pass"
+            )
+        if kind != AZIMUTH_ELEVATION and user not in KNOWS_EVERY_MOUNT | FLIES_OTHER_MOUNTS:
             raise ValueError(
                 f"{user} knows mounts of type {AZIMUTH_ELEVATION} alone: mount.type of {self.name} is {kind}"
             )
@@ -242,12 +255,11 @@ def read_station(name_or_path: str | Path, nodes: tuple[str, ...] = tuple(NODES)
         A ValueError with all problems of the file, one a line: `file:line: key=value must ...`.
     """
     text = str(name_or_path)
-    path = next(filter(Path.is_file, (STATIONS / f"{text}.yaml", OTHER_MOUNTS / f"{text}.yaml")), None)
-    if path is None:
+    path = STATIONS / f"{text}.yaml"
+    if not path.is_file():
         path = Path(text).expanduser()
         if not path.is_file():
-            shipped = shipped_stations(every_mount=True)
-            raise StationError(text, [(0, f"no such file, and no shipped station{nearest(text, shipped)}")])
+            raise StationError(text, [(0, f"no such file, and no shipped station{nearest(text, shipped_stations())}")])
     return station_from(path, nodes=nodes)
 
 
@@ -270,10 +282,9 @@ def station_from(path: Path, text: str | None = None, nodes: tuple[str, ...] = t
     return station
 
 
-def shipped_stations(*, every_mount: bool = False) -> tuple[str, ...]:
-    """Return the shipped names: of azimuth and elevation alone, or of `every_mount`."""
-    files = [*STATIONS.glob("*.yaml"), *(OTHER_MOUNTS.glob("*.yaml") if every_mount else ())]
-    return tuple(sorted(path.stem for path in files if not path.stem.startswith("bias_model")))
+def shipped_stations() -> tuple[str, ...]:
+    """Return the names of the shipped descriptions."""
+    return tuple(sorted(path.stem for path in STATIONS.glob("*.yaml") if not path.stem.startswith("bias_model")))
 
 
 def require_known(node: str, names: Iterable[str]) -> None:
