@@ -116,7 +116,7 @@ class RunRequest:
 
     @property
     def changes(self) -> dict[str, Any]:
-        """Values over those of the station's description, by dotted key: tilt, another receiver."""
+        """Values over those of the description, by dotted key: tilt, another receiver."""
         content = self.station.description.content
         leans = {} if content.mount.train_deg is None else {"mount.train_deg": content.mount.train_deg}
         if not self.receiver:
@@ -134,8 +134,8 @@ class RunRequest:
         params = self.station.controller
         limits, machine = params.limits, params.machine
         if not (self.station.simulated and params.kinematics.level):
-            # A real antenna may be anywhere: the longest slew of the azimuth, or over the top.  Where
-            # a pass begins in the angles of other axes only its certificate knows.
+            # A real antenna may be anywhere: the longest slew of the azimuth, or over the top.  And
+            # where a pass begins in the angles of other axes only its certificate knows.
             travel_rad = (
                 limits.azimuth_max_rad - limits.azimuth_min_rad,
                 limits.elevation_max_rad - limits.elevation_min_rad,

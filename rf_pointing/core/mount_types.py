@@ -10,7 +10,7 @@ LOWER_AXES = ("east_west", "north_south")
 
 
 class MountType(NamedTuple):
-    """Names of the lower and upper axis, the keys that the mount needs, and further ones of its own.
+    """Names of the lower and upper axis, the keys that the mount needs, and `further` ones.
 
     A `polar` one needs its latitude; its lower axis turns the other way than azimuth does where it
     is `reversed_by` its direction.

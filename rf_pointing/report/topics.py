@@ -17,8 +17,8 @@ from rosbags.interfaces.typing import Typesdict
 from rosbags.typesys import get_types_from_idl, get_types_from_msg
 from rosbags.typesys.store import Typestore
 
-from rf_pointing.core.mount_types import axes_among
 from rf_pointing.core.modes import Sensor
+from rf_pointing.core.mount_types import axes_among
 from rf_pointing.core.types import Array, IntArray
 
 Head = tuple[int, ...]

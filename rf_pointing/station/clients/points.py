@@ -335,7 +335,7 @@ class Follower:
         return float(now.position[0, 0]) + turn_for(self._limits, coming, encoder)
 
     def _motion(self, t_s: Array, near_rad: float) -> Motion:
-        """Return the motion of the points in angles of the axes, its first angle next to this one."""
+        """Return the motion of the points on the axes, its first angle next to this one."""
         motion = self.points.motion(t_s, near_rad)
         if self.mount.level:
             return motion
