@@ -118,7 +118,8 @@ class RunRequest:
     def changes(self) -> dict[str, Any]:
         """Values over those of the description, by dotted key: tilt, another receiver."""
         content = self.station.description.content
-        leans = {} if content.mount.train_deg is None else {"mount.train_deg": content.mount.train_deg}
+        train_deg = content.mount.train_deg
+        leans = {} if train_deg is None else {"mount.train_deg": train_deg}
         if not self.receiver:
             return leans
         own = {name: getattr(content.receiver, name) for name in ("type", *OPEN)}
@@ -204,7 +205,8 @@ class TrackRequest(RunRequest):
     scan_sigma_mdeg: float | None = None
 
     def __post_init__(self) -> None:
-        if self.station.description.content.mount.leans_anywhere:
+        # How the tilt of a real antenna is set only its user knows.
+        if self.station.description.content.mount.leans_anywhere and self.station.simulated:
             leaning = self.station.leaning(self.target, self.window)
             object.__setattr__(self, "station", Station(leaning, self.station.band))
         super().__post_init__()

@@ -397,7 +397,8 @@ class Station:
         if not self.description.content.mount.leans_anywhere:
             return self.description
         begin_s = window.aos_t_s - self.rules.mount.leaning_s - DAY_S
-        chosen, _ = planned_certificate(self.track_of(target), window, begin_s, self.start_rad, self.rules)
+        track = self.track_of(target)
+        chosen, _ = planned_certificate(track, window, begin_s, self.start_rad, self.rules)
         return self.description.leaning(chosen.mount.train_rad)
 
     def scan(

@@ -27,8 +27,8 @@ class RfReceiver(StationNode):
     def configure(self) -> None:
         source: SourceParams = self.parameters.value("source")
         ElementUpdates(source.elements).require()
-        mount = kinematics_of(self.station.content)
-        self._receiver = SimulatedReceiver(self.parameters.value("signal"), load_track(source), mount)
+        signal, mount = self.parameters.value("signal"), kinematics_of(self.station.content)
+        self._receiver = SimulatedReceiver(signal, load_track(source), mount)
         self._monopulse = self.stream(Monopulse, "monopulse", STREAM)
         self._power = self.stream(CarrierPower, "carrier_power", STREAM)
         self._truth = self.stream(PointingError, "sim/pointing_error", STREAM)

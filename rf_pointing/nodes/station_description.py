@@ -60,7 +60,8 @@ class StationDescriptionNode(StationNode):
 
     def configure(self) -> None:
         params: ViewParams = self.parameters.value("view")
-        numbers, self._mount = Band(self.station.content, self.band), kinematics_of(self.station.content)
+        content = self.station.content
+        numbers, self._mount = Band(content, self.band), kinematics_of(content)
         self._radius_m = params.radius_m or SIZES * size_m(self.station)
         self._beamwidth_rad = math.radians(numbers.beamwidth_deg)
         self._zone_rad = math.radians(self.station.content.sun.radius_deg)
@@ -101,7 +102,8 @@ class StationDescriptionNode(StationNode):
     def _turn(self, _now_s: float) -> None:
         reading = self._joints.take()
         if reading is not None:
-            self._tf.publish(TFMessage(transforms=draw.joint_transforms(reading, self.get_namespace(), self._mount)))
+            turned = draw.joint_transforms(reading, self.get_namespace(), self._mount)
+            self._tf.publish(TFMessage(transforms=turned))
 
     def _draw(self, now_s: float) -> None:
         markers = draw.beam_markers(self._beam, self._radius_m, self._beamwidth_rad)

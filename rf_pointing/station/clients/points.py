@@ -293,7 +293,8 @@ class Follower:
         """Return where the axes (2,) hold the latest point, on the nearest turn of the travel."""
         east, north, up = self.points.history[1][-1]
         place = np.array([[math.atan2(east, north), math.asin(up)]])
-        first, second = self._seen(Motion(place, np.zeros((1, 2)), np.zeros((1, 2)))).position[0].tolist()
+        still = np.zeros((1, 2))
+        first, second = self._seen(Motion(place, still, still)).position[0].tolist()
         first = nearest_turn_rad(first, float(axes.position_rad[0]))
         low, high = self._limits.azimuth_min_rad, self._limits.azimuth_max_rad
         turns = [first + TURN * k for k in (0, -1, 1, -2, 2)]
@@ -301,7 +302,7 @@ class Follower:
         goal = np.array([[first, second]])
         if self.mount.level:
             goal = raised(goal, self._limits, self._mask, self.params.clear_rad)
-        found: Array = self._on_axes(Motion(goal, np.zeros((1, 2)), np.zeros((1, 2)))).position[0]
+        found: Array = self._on_axes(Motion(goal, still, still)).position[0]
         return found
 
     def rest_rad(self, axes: JointReading) -> Array:
@@ -341,7 +342,8 @@ class Follower:
             return motion
         seen = self._seen(motion)
         first = float(seen.position[0, 0])
-        return seen._replace(position=seen.position + np.array([nearest_turn_rad(first, near_rad) - first, 0.0]))
+        shift = np.array([nearest_turn_rad(first, near_rad) - first, 0.0])
+        return seen._replace(position=seen.position + shift)
 
     def _seen(self, sky: Motion) -> Motion:
         """Return a motion on the sky, above the horizon on other mounts, as the axes see it."""

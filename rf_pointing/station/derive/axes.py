@@ -36,13 +36,14 @@ def kinematics(of: Band) -> Rows:
 def kinematics_of(content: Content) -> Kinematics:
     """Return the mount of a description; ValueError where it cannot stand at the site."""
     mount = content.mount
+    rate_deg_s = mount.train_rate_deg_s or TRAIN_RATE_DEG_S
     return Kinematics(
         type=mount.type,
         lower_axis=mount.lower_axis or LOWER_AXES[0],
         latitude_rad=site_of(content).latitude_rad if mount.kind.polar else 0.0,
         tilt_rad=math.radians(mount.tilt_deg or 0.0),
         train_rad=math.radians(mount.train_deg or 0.0),
-        train_rate_rad_s=math.radians(mount.train_rate_deg_s or TRAIN_RATE_DEG_S) if mount.leans_anywhere else 0.0,
+        train_rate_rad_s=math.radians(rate_deg_s) if mount.leans_anywhere else 0.0,
     )
 
 

@@ -100,7 +100,7 @@ class MountSection:
         None, "angle by which a tilt axis leans the azimuth axis, to a side chosen for each pass", low=0.1, high=45.0
     )
     train_deg: float | None = parameter(
-        None, "azimuth to which a tilt axis leans; default: one that is chosen and set before each pass",
+        None, "azimuth to which a tilt axis leans; default: chosen and set before each pass",
         low=-360.0, high=360.0,
     )  # fmt: skip
     train_rate_deg_s: float | None = parameter(
