@@ -35,6 +35,7 @@ from rf_pointing.station.campaign.plan import beacons
 from rf_pointing.station.campaign.schedule import CalibrationSchedule, CampaignParams, schedule_calibration
 from rf_pointing.station.derive.signal import OPEN
 from rf_pointing.station.description.content import ReceiverSection
+from rf_pointing.station.description.writing import received_by
 from rf_pointing.station.designated.params import DesignateParams
 from rf_pointing.station.designated.target import DesignatedTarget
 from rf_pointing.tracking.power_tracker import scan_tuning
@@ -88,7 +89,7 @@ class RunRequest:
         if self.receiver:
             description = self.station.description
             section = receiver_section(self.receiver, description.content.receiver)
-            station = Station(description.received_by(section), self.station.band)
+            station = Station(received_by(description, section), self.station.band)
             object.__setattr__(self, "station", station)
         if self.station.simulated and self.speed is None and self.station.description.receiver != "simulated":
             # Samples without stamps have the time of their arrival.

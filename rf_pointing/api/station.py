@@ -27,6 +27,7 @@ from rf_pointing.simulation import StationSetup, simulate_pass
 from rf_pointing.station.campaign.calibrator import CalibratorParams
 from rf_pointing.station.clients.scan_samples import ScanSamples
 from rf_pointing.station.description import DEFAULT_STATION, StationDescription, read_station
+from rf_pointing.station.description.writing import leaning
 from rf_pointing.station.pointing.certificates import PlannedPass, PlanningRules, planned_certificate
 from rf_pointing.station.pointing.multi_satellite_plan import PlannedAntenna, Wish, plan_day
 from rf_pointing.station.pointing.params import ControllerParams
@@ -399,7 +400,7 @@ class Station:
         begin_s = window.aos_t_s - self.rules.mount.leaning_s - DAY_S
         track = self.track_of(target)
         chosen, _ = planned_certificate(track, window, begin_s, self.start_rad, self.rules)
-        return self.description.leaning(chosen.mount.train_rad)
+        return leaning(self.description, chosen.mount.train_rad)
 
     def scan(
         self,

@@ -34,8 +34,5 @@ MOUNTS: Mapping[str, MountType] = {
 
 
 def axes_among(joints: Sequence[str]) -> tuple[str, str]:
-    """Return the axes, lower and upper, of the mount whose joints are all among these.
-
-    Azimuth and elevation where there are none.
-    """
+    """Return the axes of the mount whose joints are among these, else azimuth and elevation."""
     return next((each.axes for each in MOUNTS.values() if set(each.axes) <= set(joints)), AXES)

@@ -18,6 +18,7 @@ from rf_pointing.simulation import StationSetup, simulate_pass
 from rf_pointing.station.antenna.simulated_antenna import SimulatedAntenna
 from rf_pointing.station.derive.axes import kinematics_of
 from rf_pointing.station.description import read_station, shipped_stations
+from rf_pointing.station.description.writing import leaning
 from rf_pointing.tracking import TrackPath
 
 DEG = math.pi / 180.0
@@ -95,7 +96,7 @@ def test_it_holds_a_pass_on_the_sky(name: str, sensor: str) -> None:
 
 @pytest.mark.parametrize("name", FLOWN)
 def test_park_and_stow_look_at_the_sky_and_stow_at_the_zenith(name: str) -> None:
-    antenna = StationSetup(read_station(name).leaning(0.5)).antenna()
+    antenna = StationSetup(leaning(read_station(name), 0.5)).antenna()
     assert isinstance(antenna, SimulatedAntenna)
     antenna.enable()
     assert antenna.stow() == ""

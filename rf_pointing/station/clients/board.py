@@ -221,7 +221,7 @@ class Board:
         more = {"age_s": age_s, "viewers": self._viewers, "carrier_seen": self._carrier_seen}
         if not self._mount.level and "encoder_deg" in live:
             # The encoders show other angles than those of the sky plot.
-            more["sky_deg"] = degrees(self._mount.skies(np.radians(live["encoder_deg"])), 3)
+            more["sky_deg"] = degrees(self._mount.skies(np.radians(live["encoder_deg"])).tolist(), 3)
         found: dict[str, Any] = {"live": {**more, **live}}
         if self._now_s < self._slow_s:
             return found

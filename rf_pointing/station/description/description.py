@@ -2,23 +2,20 @@
 
 import dataclasses
 import json
-import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from functools import cache, cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-
-import yaml
 
 from rf_pointing.core import require_choice
 from rf_pointing.core.derived import Value
 from rf_pointing.core.modes import Sensor
 from rf_pointing.core.mount_types import AZIMUTH_ELEVATION
 from rf_pointing.core.parameters import flat, leaves
-from rf_pointing.core.whole_file import compose_yaml, read_whole
+from rf_pointing.core.whole_file import read_whole
 from rf_pointing.station.derive.band import Band, Derived, site_of
 from rf_pointing.station.derive.nodes import NODES, reference
-from rf_pointing.station.description.content import Content, ReceiverSection
+from rf_pointing.station.description.content import Content
 from rf_pointing.station.description.reading import Reader, StationError, nearest
 from rf_pointing.tracking.sensors import SENSORS
 
@@ -72,17 +69,6 @@ class StationDescription:
     def receiver(self) -> str:
         """Type of the receiver: simulated, or that of a device."""
         return self.content.receiver.type
-
-    def received_by(self, section: ReceiverSection) -> "StationDescription":
-        """Return the same station with another receiver."""
-        content = dataclasses.replace(self.content, receiver=section)
-        return StationDescription(self.path, content, self.mask, self.lines)
-
-    def leaning(self, train_rad: float) -> "StationDescription":
-        """Return the same station with its tilt axis set to an azimuth."""
-        mount = dataclasses.replace(self.content.mount, train_deg=round(math.degrees(train_rad), 3))
-        content = dataclasses.replace(self.content, mount=mount)
-        return StationDescription(self.path, content, self.mask, self.lines)
 
     @property
     def simulated(self) -> bool:
@@ -213,15 +199,10 @@ class StationDescription:
 
         The files that it names are named by their whole paths.
         """
-        # The nodes of YAML and not its values: numbers stay as the user wrote them.
-        root = compose_yaml(read_whole(self.path, encoding="utf-8-sig"))
-        models = {f"bands.{name}.bias_model": self.bias_model_file(name) for name in self.bands}
-        files = {key: str(model) for key, model in models.items() if model}
-        if self.content.mount.horizon_file:
-            files["mount.horizon_file"] = str((self.path.parent / self.content.mount.horizon_file).resolve())
-        for key, value in {**files, **changes}.items():
-            _put(root, key.split("."), value)
-        path.write_text(yaml.serialize(root, Dumper=yaml.SafeDumper))
+        # Imported here: nodes read descriptions, and write none.
+        from rf_pointing.station.description.writing import text_with
+
+        path.write_text(text_with(self, changes))
 
     def require_mount(self, user: str) -> None:
         """Raise ValueError for a mount whose axes `user`, a node or command, does not know.
@@ -313,24 +294,6 @@ def same_value(given: Any, value: Any) -> bool:
     return bool(
         (list(given) if isinstance(given, tuple) else given) == (list(value) if isinstance(value, tuple) else value)
     )
-
-
-def _put(section: yaml.MappingNode, keys: Sequence[str], value: Any) -> None:
-    """Set the value at `keys` below a section of YAML nodes."""
-    rows = {str(name.value): index for index, (name, _) in enumerate(section.value)}
-    name, below = keys[0], keys[1:]
-    if below:
-        if name not in rows:
-            section.value.append((yaml.compose(name), yaml.compose("{}")))
-            rows[name] = -1
-        _put(section.value[rows[name]][1], below, value)
-        return
-    plain = list(value) if isinstance(value, tuple) else value
-    row = (yaml.compose(f'"{name}"'), yaml.compose(yaml.safe_dump(plain)))
-    if name in rows:
-        section.value[rows[name]] = row
-    else:
-        section.value.append(row)
 
 
 def _check_sets(station: StationDescription, node: str, reader: Reader) -> None:
