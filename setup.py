@@ -119,7 +119,7 @@ setup(
         f"{PACKAGE}.web": ["page/*"],
         f"{PACKAGE}.operations": ["tables/*"],
         f"{PACKAGE}.report": ["templates/*", "messages/*.msg"],
-        f"{PACKAGE}.config": ["stations/*", "other_mounts/*", "array_sensors/*"],
+        f"{PACKAGE}.config": ["stations/*", "array_sensors/*"],
     },
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
@@ -127,7 +127,7 @@ setup(
         (f"share/{PACKAGE}/config", sorted(glob("config/*.*"))),
         *(
             (f"share/{PACKAGE}/config/{folder}", sorted(glob(f"config/{folder}/*")))
-            for folder in ("array_sensors", "other_mounts", "sros2", "stations", "systemd", "viewers")
+            for folder in ("array_sensors", "sros2", "stations", "systemd", "viewers")
         ),
         (f"share/{PACKAGE}/launch", sorted(glob("launch/*.py"))),
     ],

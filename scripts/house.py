@@ -41,6 +41,7 @@ SMALL_ON_PURPOSE: dict[str, str] = {
     "rf_pointing/ros/recorder.py": "examples record with it, too",
     "rf_pointing/report/scan_picture.py": "one picture, like its neighbours",
     "rf_pointing/station/description/remarks.py": "nodes load the description without them",
+    "rf_pointing/station/description/writing.py": "nodes load the description without it",
     "rf_pointing/station/derive/signal.py": "one block of the derivation, like its neighbours",
 }
 """Small modules with one importer that stay, each with the reason."""

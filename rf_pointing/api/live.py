@@ -126,6 +126,8 @@ def prepare_track(request: TrackRequest) -> Flight:
     say("track", f"{window.name} over {request.station.name}, {request.station.band} band, {request.sensor}: "
         f"AOS {utc_text(window.aos_t_s)}, {window.duration_s:.0f} s, "
         f"peak {math.degrees(window.peak_elevation_rad):.1f} deg")  # fmt: skip
+    if (leans_deg := request.station.description.content.mount.train_deg) is not None:
+        say("track", f"the tilt axis leans to azimuth {leans_deg:g} deg")
     if scan is not None:
         say("track", f"scan of {scan.radius_rad / MDEG:.2f} mdeg in {scan.period_s:.1f} s, an estimate over "
             f"{scan.window_samples * scan.sample_s:.1f} s")  # fmt: skip

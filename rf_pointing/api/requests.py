@@ -35,6 +35,7 @@ from rf_pointing.station.campaign.plan import beacons
 from rf_pointing.station.campaign.schedule import CalibrationSchedule, CampaignParams, schedule_calibration
 from rf_pointing.station.derive.signal import OPEN
 from rf_pointing.station.description.content import ReceiverSection
+from rf_pointing.station.description.writing import received_by
 from rf_pointing.station.designated.params import DesignateParams
 from rf_pointing.station.designated.target import DesignatedTarget
 from rf_pointing.tracking.power_tracker import scan_tuning
@@ -88,7 +89,7 @@ class RunRequest:
         if self.receiver:
             description = self.station.description
             section = receiver_section(self.receiver, description.content.receiver)
-            station = Station(description.received_by(section), self.station.band)
+            station = Station(received_by(description, section), self.station.band)
             object.__setattr__(self, "station", station)
         if self.station.simulated and self.speed is None and self.station.description.receiver != "simulated":
             # Samples without stamps have the time of their arrival.
@@ -116,12 +117,14 @@ class RunRequest:
 
     @property
     def changes(self) -> dict[str, Any]:
-        """Values over those of the station's description, by dotted key: another receiver."""
+        """Values over those of the description, by dotted key: tilt, another receiver."""
+        content = self.station.description.content
+        train_deg = content.mount.train_deg
+        leans = {} if train_deg is None else {"mount.train_deg": train_deg}
         if not self.receiver:
-            return {}
-        section = self.station.description.content.receiver
-        own = {name: getattr(section, name) for name in ("type", *OPEN)}
-        return {f"receiver.{name}": value for name, value in flat(own).items()}
+            return leans
+        own = {name: getattr(content.receiver, name) for name in ("type", *OPEN)}
+        return leans | {f"receiver.{name}": value for name, value in flat(own).items()}
 
     @cached_property
     def said(self) -> dict[str, dict[str, Any]]:
@@ -132,8 +135,9 @@ class RunRequest:
         """Return the whole seconds before acquisition: the slew from where the antenna may be."""
         params = self.station.controller
         limits, machine = params.limits, params.machine
-        if not self.station.simulated:
-            # A real antenna may be anywhere: the longest slew of the azimuth, or over the top.
+        if not (self.station.simulated and params.kinematics.level):
+            # A real antenna may be anywhere: the longest slew of the azimuth, or over the top.  And
+            # where a pass begins in the angles of other axes only its certificate knows.
             travel_rad = (
                 limits.azimuth_max_rad - limits.azimuth_min_rad,
                 limits.elevation_max_rad - limits.elevation_min_rad,
@@ -202,6 +206,10 @@ class TrackRequest(RunRequest):
     scan_sigma_mdeg: float | None = None
 
     def __post_init__(self) -> None:
+        # How the tilt of a real antenna is set only its user knows.
+        if self.station.description.content.mount.leans_anywhere and self.station.simulated:
+            leaning = self.station.leaning(self.target, self.window)
+            object.__setattr__(self, "station", Station(leaning, self.station.band))
         super().__post_init__()
         require_between("min_peak_deg", self.min_peak_deg, 0.0, 90.0)
         if self.mask_deg is not None:

@@ -18,14 +18,16 @@ from rf_pointing.api.simulated import SimulatedPass
 from rf_pointing.api.target import MAX_AGE_S, Target
 from rf_pointing.calibration import BiasModel, read_model
 from rf_pointing.core import Sensor, require_choice
+from rf_pointing.core.dates import DAY_S
 from rf_pointing.core.pass_outcome import SCANNED
-from rf_pointing.ephemeris import Elements, TopocentricTrack, find_passes
+from rf_pointing.ephemeris import Elements, Pass, TopocentricTrack, find_passes
 from rf_pointing.ephemeris.passes import part_searched
 from rf_pointing.planning import AxisLimits
 from rf_pointing.simulation import StationSetup, simulate_pass
 from rf_pointing.station.campaign.calibrator import CalibratorParams
 from rf_pointing.station.clients.scan_samples import ScanSamples
 from rf_pointing.station.description import DEFAULT_STATION, StationDescription, read_station
+from rf_pointing.station.description.writing import leaning
 from rf_pointing.station.pointing.certificates import PlannedPass, PlanningRules, planned_certificate
 from rf_pointing.station.pointing.multi_satellite_plan import PlannedAntenna, Wish, plan_day
 from rf_pointing.station.pointing.params import ControllerParams
@@ -388,7 +390,17 @@ class Station:
         for node, values in (changes or {}).items():
             own[node] = own.get(node, {}) | dict(values)
         chosen = model or self.model
-        return StationSetup(self.description, self.band, changes=own, model=chosen, **more)
+        description = self.leaning(one.target, one.window)
+        return StationSetup(description, self.band, changes=own, model=chosen, **more)
+
+    def leaning(self, target: Target, window: Pass) -> StationDescription:
+        """Return the description for one pass: a tilt axis leans as its certificate chooses."""
+        if not self.description.content.mount.leans_anywhere:
+            return self.description
+        begin_s = window.aos_t_s - self.rules.mount.leaning_s - DAY_S
+        track = self.track_of(target)
+        chosen, _ = planned_certificate(track, window, begin_s, self.start_rad, self.rules)
+        return leaning(self.description, chosen.mount.train_rad)
 
     def scan(
         self,

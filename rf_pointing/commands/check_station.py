@@ -27,7 +27,7 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     """Return the parsed command line."""
     parser = argparse.ArgumentParser(prog="check_station", description="Check a station description.")
     add = parser.add_argument
-    add("station", metavar="STATION", help=f"file, or one of {', '.join(shipped_stations(every_mount=True))}")
+    add("station", metavar="STATION", help=f"file, or one of {', '.join(shipped_stations())}")
     add("--band", help="band whose derived values are printed (default: the station's)")
     add(
         "--all",

@@ -85,6 +85,12 @@ class Kinematics(Params):
                                     low=-0.5 * math.pi, high=0.5 * math.pi)  # fmt: skip
     tilt_rad: float = parameter(0.0, "angle by which the azimuth axis leans", low=0.0, high=0.8)
     train_rad: float = parameter(0.0, "azimuth to which it leans", low=-20.0, high=20.0)
+    train_rate_rad_s: float = parameter(
+        0.0,
+        "rate at which it is turned to lean elsewhere before a pass; 0: it leans there for good",
+        low=0.0,
+        high=1.0,
+    )
 
     def check_together(self) -> None:
         """Refuse a polar mount at a pole of the Earth."""
@@ -150,12 +156,17 @@ class Kinematics(Params):
         A tilt axis leans away from a pass or towards it: that moves the keyhole furthest from it,
         or lifts a low one above the axis's end.
         """
-        if self.tilt_rad == 0.0:
+        if self.train_rate_rad_s == 0.0:
             return (self,)
         return tuple(
             self.replace(train_rad=math.remainder(azimuth_rad + turn, math.tau))
             for turn in (math.pi, 0.0)
         )
+
+    @property
+    def leaning_s(self) -> float:
+        """Longest time in which a tilt axis is turned to another side: half a turn."""
+        return math.pi / self.train_rate_rad_s if self.train_rate_rad_s else 0.0
 
     def across(self, azimuth_rad: float, elevation_rad: float) -> Array:
         """Return the matrix (2, 2) from sky to mount of small offsets at a direction.

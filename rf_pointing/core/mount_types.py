@@ -1,6 +1,6 @@
 """The mounts that there are: names of their axes, and what each needs (`core/kinematics.py`)."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from rf_pointing.core.signals import AXES
@@ -10,7 +10,7 @@ LOWER_AXES = ("east_west", "north_south")
 
 
 class MountType(NamedTuple):
-    """Names of the lower and upper axis, and the keys that the mount alone has.
+    """Names of the lower and upper axis, the keys that the mount needs, and `further` ones.
 
     A `polar` one needs its latitude; its lower axis turns the other way than azimuth does where it
     is `reversed_by` its direction.
@@ -18,6 +18,7 @@ class MountType(NamedTuple):
 
     axes: tuple[str, str]
     keys: tuple[str, ...] = ()
+    further: tuple[str, ...] = ()
     polar: bool = False
     reversed_by: str = ""
 
@@ -27,6 +28,11 @@ MOUNTS: Mapping[str, MountType] = {
     "x_y": MountType(("x", "y"), ("lower_axis",), reversed_by=LOWER_AXES[1]),
     # Hour angle positive to the west, declination to the north.
     "ha_dec": MountType(("hour_angle", "declination"), polar=True),
-    "azimuth_elevation_tilt": MountType(AXES, ("tilt_deg",)),
+    "azimuth_elevation_tilt": MountType(AXES, ("tilt_deg",), ("train_deg", "train_rate_deg_s")),
 }
 """Every mount by the word of a station description."""
+
+
+def axes_among(joints: Sequence[str]) -> tuple[str, str]:
+    """Return the axes of the mount whose joints are among these, else azimuth and elevation."""
+    return next((each.axes for each in MOUNTS.values() if set(each.axes) <= set(joints)), AXES)

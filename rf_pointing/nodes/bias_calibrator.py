@@ -22,6 +22,7 @@ from rf_pointing_msgs.srv import SelectTarget
 from sensor_msgs.msg import JointState, Temperature
 from std_srvs.srv import Trigger
 
+from rf_pointing.core.mount_types import AZIMUTH_ELEVATION
 from rf_pointing.ros import convert
 from rf_pointing.ros.convert_calibration import fit_to_result, model_to_message, no_model_to_message
 from rf_pointing.ros.graph import TEMPERATURE
@@ -99,7 +100,8 @@ class BiasCalibrator(StationNode):
         return text
 
     def _on_error(self, message: PointingError) -> None:
-        if self.active:
+        # The terms of a model are those of azimuth and elevation.
+        if self.active and self.station.content.mount.type == AZIMUTH_ELEVATION:
             error = convert.error_from_message(message)
             # Not the newest encoders: at 1 deg/s a period is 100 mdeg.
             self.calibrator.take_error(error, self._joints.take(error.t_s))
@@ -110,6 +112,7 @@ class BiasCalibrator(StationNode):
         self.calibrator.log.take_temperature(seconds_from_stamp(message.header.stamp), kelvin)
 
     def _begin(self, request: RunCampaign.Goal) -> None:
+        self.station.require_mount("a campaign")
         if not self._select.service_is_ready() or not self._track.server_is_ready():
             raise ValueError("ephemeris_publisher and pointing_controller must be running in this namespace")
         log = self.calibrator.log
@@ -131,6 +134,7 @@ class BiasCalibrator(StationNode):
         goal.publish_feedback(FitModel.Feedback(stage="fit"))
         terms, name, orbit = goal.request.terms, goal.request.name, self.parameters.value("orbit")
         try:
+            self.station.require_mount("a fit of the bias model")
             result = fit_to_result(*self.calibrator.fit(terms, name, orbit, self.now_s()))
         except ValueError as error:
             result = FitModel.Result(message=str(error))

@@ -14,6 +14,7 @@ from rf_pointing.ros.main_loop import run
 from rf_pointing.ros.qos import LATCHED, SAMPLES, STREAM
 from rf_pointing.ros.station_node import StationNode
 from rf_pointing.station.antenna.receiver import SimulatedReceiver
+from rf_pointing.station.derive.axes import kinematics_of
 
 
 class RfReceiver(StationNode):
@@ -26,7 +27,8 @@ class RfReceiver(StationNode):
     def configure(self) -> None:
         source: SourceParams = self.parameters.value("source")
         ElementUpdates(source.elements).require()
-        self._receiver = SimulatedReceiver(self.parameters.value("signal"), load_track(source))
+        signal, mount = self.parameters.value("signal"), kinematics_of(self.station.content)
+        self._receiver = SimulatedReceiver(signal, load_track(source), mount)
         self._monopulse = self.stream(Monopulse, "monopulse", STREAM)
         self._power = self.stream(CarrierPower, "carrier_power", STREAM)
         self._truth = self.stream(PointingError, "sim/pointing_error", STREAM)

@@ -15,6 +15,7 @@ sensor, identify, command_key_file (the key that signs commands and calls).
 import math
 import time
 from collections import deque
+from functools import partial
 from pathlib import Path
 from queue import SimpleQueue
 from typing import Any
@@ -70,7 +71,8 @@ class RotctldServerNode(StationNode):
         for part in (self._sender, self._elements, self._known):
             self._at_cleanup.callback(part.close)
         self._commands = CommandSender(self, value("key"), self.publisher)
-        joints = convert.joints_from_message
+        axes = self._axes = self._follower.mount.axes
+        joints = partial(convert.joints_from_message, axes=axes)
         self._latest = self.listen_latest(JointState, "joint_states", joints, STREAM, required=True)
         self.listen(ours.AntennaStatus, "antenna_status", self._on_antenna, STATUS, required=True)
         self.listen(ours.TrackingStatus, "tracking_status", self._on_tracking, STREAM, required=True)
@@ -116,7 +118,7 @@ class RotctldServerNode(StationNode):
             self._known.load(values["source.elements"], t_s)
         trajectory = self._steering.step(t_s, time.monotonic())
         if trajectory is not None:
-            self._commands.send(convert.trajectory_to_message(trajectory, t_s))
+            self._commands.send(convert.trajectory_to_message(trajectory, t_s, self._axes))
 
     def _on_antenna(self, m: ours.AntennaStatus) -> None:
         self._steering.note_antenna(m.mode, m.fault, m.commander, m.commands_rejected, m.last_rejection)

@@ -18,6 +18,7 @@ from rf_pointing.ros.qos import LATCHED, SAMPLES, STREAM
 from rf_pointing.ros.station_node import StationNode
 from rf_pointing.station.antenna.radio import SimulatedRadio, seeded
 from rf_pointing.station.antenna.receiver import SignalParams
+from rf_pointing.station.derive.axes import kinematics_of
 
 
 class SignalSource(StationNode):
@@ -33,7 +34,8 @@ class SignalSource(StationNode):
         value, source = self.parameters.value, self.parameters.value("source")
         ElementUpdates(source.elements).require()
         signal, radio = value("signal"), value("sdr")
-        self._radio = SimulatedRadio(signal, seeded(radio, signal.seed), load_track(source))
+        mount = kinematics_of(self.station.content)
+        self._radio = SimulatedRadio(signal, seeded(radio, signal.seed), load_track(source), mount)
         self._outlet = make_outlet(value("outlet"), radio.generator.rate_hz, radio.centre_hz)
         self._at_cleanup.callback(self._outlet.close)
         self._truth = self.stream(PointingError, "sim/pointing_error", STREAM)

@@ -38,6 +38,7 @@ from rf_pointing.ros.main_loop import run
 from rf_pointing.ros.qos import LATCHED, STREAM
 from rf_pointing.ros.station_node import StationNode
 from rf_pointing.ros.streams import frame_in
+from rf_pointing.station.derive.axes import kinematics_of
 from rf_pointing.station.derive.band import Band
 from rf_pointing.station.description.urdf import size_m, urdf
 from rf_pointing.station.parameters import ViewParams
@@ -59,7 +60,8 @@ class StationDescriptionNode(StationNode):
 
     def configure(self) -> None:
         params: ViewParams = self.parameters.value("view")
-        numbers = Band(self.station.content, self.band)
+        content = self.station.content
+        numbers, self._mount = Band(content, self.band), kinematics_of(content)
         self._radius_m = params.radius_m or SIZES * size_m(self.station)
         self._beamwidth_rad = math.radians(numbers.beamwidth_deg)
         self._zone_rad = math.radians(self.station.content.sun.radius_deg)
@@ -85,7 +87,10 @@ class StationDescriptionNode(StationNode):
         if TFMessage is None:
             return None
         namespace = self.get_namespace()
-        fixed = [draw.site_transform(self.station.site, namespace), *([draw.beam_transform(namespace)] * joints)]
+        fixed = [
+            draw.site_transform(self.station.site, namespace),
+            *([draw.beam_transform(namespace, self._mount)] * joints),
+        ]
         self.publisher(TFMessage, "/tf_static", LATCHED).publish(TFMessage(transforms=fixed))
         return self.publisher(TFMessage, "/tf", TF) if joints else None
 
@@ -97,7 +102,8 @@ class StationDescriptionNode(StationNode):
     def _turn(self, _now_s: float) -> None:
         reading = self._joints.take()
         if reading is not None:
-            self._tf.publish(TFMessage(transforms=draw.joint_transforms(reading, self.get_namespace())))
+            turned = draw.joint_transforms(reading, self.get_namespace(), self._mount)
+            self._tf.publish(TFMessage(transforms=turned))
 
     def _draw(self, now_s: float) -> None:
         markers = draw.beam_markers(self._beam, self._radius_m, self._beamwidth_rad)

@@ -23,6 +23,7 @@ from rf_pointing.core import (
     SkyUncertainty,
     Target,
 )
+from rf_pointing.core.mount_types import axes_among
 from rf_pointing.core.types import Array
 from rf_pointing.ephemeris import Pass
 from rf_pointing.report.analysis import Timeline, timeline, tracked_pass
@@ -78,7 +79,7 @@ def _joints(message: Any) -> JointReading:
 def _trajectory(message: Any) -> tuple[float, JointTrajectory]:
     base_s, order = (
         _t_s(message.header.stamp),
-        [message.joint_names.index(axis) for axis in ("azimuth", "elevation")],
+        [message.joint_names.index(axis) for axis in axes_among(message.joint_names)],
     )
     columns = (
         np.array([getattr(point, name) for point in message.points])[:, order]

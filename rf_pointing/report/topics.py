@@ -17,8 +17,8 @@ from rosbags.interfaces.typing import Typesdict
 from rosbags.typesys import get_types_from_idl, get_types_from_msg
 from rosbags.typesys.store import Typestore
 
-from rf_pointing.core import AXES
 from rf_pointing.core.modes import Sensor
+from rf_pointing.core.mount_types import axes_among
 from rf_pointing.core.types import Array, IntArray
 
 Head = tuple[int, ...]
@@ -142,7 +142,7 @@ def _own(name: str, *columns: str, periodic: bool = True, added: dict[str, Any] 
 
 def _joint_row(message: Any) -> Row:
     # The order of the joints is the publisher's choice.
-    order = [message.name.index(axis) for axis in AXES]
+    order = [message.name.index(axis) for axis in axes_among(message.name)]
     # A driver need not publish rates; a report then has no axis rates.
     velocity = [message.velocity[i] for i in order] if len(message.velocity) else [math.nan, math.nan]
     return [message.position[i] for i in order], velocity

@@ -60,7 +60,7 @@ class AntennaServer:
     def serve(self, operation: AntennaOperation, longest: Callable[[], int], band: str) -> None:
         """Take commands of at most `longest()` points, and requests; `band` is in use."""
         node, antenna = self._node, operation.antenna
-        self._operation = operation
+        self._operation, self._axes = operation, antenna.safety.params.kinematics.axes
         pairs = self._pairs = CommandPairs(
             self._key, self._on_command, lambda reason: self._refuse(antenna.reject(reason)),
             unsigned=antenna.safety.params.unsigned_commands,
@@ -122,7 +122,7 @@ class AntennaServer:
         try:
             if commander:
                 self.leased.note(commander, issued_s)
-            command = convert.trajectory_from_message(message, issued_s)
+            command = convert.trajectory_from_message(message, issued_s, self._axes)
             refused = self._operation.take(command, commander, issued_s, self._node.now_s())
         except ValueError as error:
             refused = self._operation.antenna.reject(str(error))
@@ -169,7 +169,7 @@ class AntennaServer:
     def send(self, tick: Tick, t_s: float) -> None:
         """Publish what a tick has given."""
         if tick.reading is not None:
-            self._joints.publish(convert.joints_to_message(tick.reading))
+            self._joints.publish(convert.joints_to_message(tick.reading, self._axes))
         if tick.boresight is not None:
             self._boresight.publish(convert.boresight_to_message(tick.boresight))
         self._identification.tick(t_s)

@@ -7,7 +7,7 @@ joint raises the ValueError of the signal.
 import math
 import re
 from array import array
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, TypeVar, get_origin, get_type_hints
 
 import numpy as np
@@ -20,6 +20,7 @@ from trajectory_msgs.msg import JointTrajectoryPoint
 
 from rf_pointing import core
 from rf_pointing.core.constants import ZERO_CELSIUS_K
+from rf_pointing.core.mount_types import axes_among
 from rf_pointing.ros.stamps import seconds_from_stamp, stamp_from_seconds
 from rf_pointing.station.pointing.status import TrackingStatus
 
@@ -164,16 +165,17 @@ def temperature_from_message(message: Temperature) -> float:
     return float(temperature_k)
 
 
-def joints_to_message(reading: core.JointReading) -> JointState:
-    message = JointState(name=list(core.AXES))
+def joints_to_message(reading: core.JointReading, axes: Sequence[str] = core.AXES) -> JointState:
+    message = JointState(name=list(axes))
     message.header.stamp = stamp_from_seconds(reading.t_s)
     message.position = reading.position_rad.tolist()
     message.velocity = reading.velocity_rad_s.tolist()
     return message
 
 
-def joints_from_message(message: JointState) -> core.JointReading:
-    order = _axis_order(list(message.name))
+def joints_from_message(message: JointState, axes: Sequence[str] = ()) -> core.JointReading:
+    """Return the reading of these axes; unless they are named, of any mount's."""
+    order = _axis_order(list(message.name), axes or axes_among(message.name))
     position, velocity = np.array(message.position), np.array(message.velocity)
     for name, values in (("position", position), ("velocity", velocity)):
         if len(values) != len(message.name):
@@ -183,9 +185,11 @@ def joints_from_message(message: JointState) -> core.JointReading:
     )
 
 
-def trajectory_to_message(trajectory: core.JointTrajectory, stamp_s: float) -> TrajectoryMessage:
+def trajectory_to_message(
+    trajectory: core.JointTrajectory, stamp_s: float, axes: Sequence[str] = core.AXES
+) -> TrajectoryMessage:
     """Return the command with `stamp_s` as its base time; every point must lie after it."""
-    message = TrajectoryMessage(joint_names=list(core.AXES))
+    message = TrajectoryMessage(joint_names=list(axes))
     message.header.stamp = stamp_from_seconds(stamp_s)
     for t_s, position, velocity, acceleration in zip(
         trajectory.t_s, trajectory.position_rad, trajectory.velocity_rad_s, trajectory.acceleration_rad_s2, strict=True
@@ -201,12 +205,14 @@ def trajectory_to_message(trajectory: core.JointTrajectory, stamp_s: float) -> T
     return message
 
 
-def trajectory_from_message(message: TrajectoryMessage, base_s: float) -> core.JointTrajectory:
+def trajectory_from_message(
+    message: TrajectoryMessage, base_s: float, axes: Sequence[str] = core.AXES
+) -> core.JointTrajectory:
     """Return the command whose points lie after `base_s`: its stamp, or now where that is 0.
 
     Rates that no point has are those of the positions, at rest at the end; accelerations are 0.
     """
-    order = _axis_order(list(message.joint_names))
+    order = _axis_order(list(message.joint_names), axes)
     points = message.points
     given = {
         "positions": True,
@@ -277,14 +283,14 @@ def scan_centre_from_message(
     return seconds_from_stamp(message.header.stamp), centre, offset, message.mode, message.sensor
 
 
-def _axis_order(names: list[str]) -> list[int]:
+def _axis_order(names: list[str], axes: Sequence[str]) -> list[int]:
     # Joints may come in any order, but each of them once: a missing one must not become 0.
-    unknown = [name for name in names if name not in core.AXES]
+    unknown = [name for name in names if name not in axes]
     if unknown:
-        raise ValueError(f"unknown joint {', '.join(unknown)}; the joints are {', '.join(core.AXES)}")
-    if sorted(names) != sorted(core.AXES):
-        raise ValueError(f"joints are {', '.join(names) or 'none'}, must be {', '.join(core.AXES)}, each once")
-    return [names.index(axis) for axis in core.AXES]
+        raise ValueError(f"unknown joint {', '.join(unknown)}; the joints are {', '.join(axes)}")
+    if sorted(names) != sorted(axes):
+        raise ValueError(f"joints are {', '.join(names) or 'none'}, must be {', '.join(axes)}, each once")
+    return [names.index(axis) for axis in axes]
 
 
 def _stacked(rows: list[list[float]], order: list[int]) -> NDArray[np.float64]:

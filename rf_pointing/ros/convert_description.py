@@ -16,14 +16,15 @@ from sensor_msgs.msg import NavSatFix, NavSatStatus
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
-from rf_pointing.core import AXES, JointReading, Target
+from rf_pointing.core import JointReading, Target
 from rf_pointing.core.angles import unit_vector_from_azel
-from rf_pointing.core.signals import BEAM, FRAMES
+from rf_pointing.core.kinematics import LEVEL, Kinematics
+from rf_pointing.core.signals import BASE, BEAM
 from rf_pointing.ephemeris import Site
 from rf_pointing.planning import HorizonMask, PassProfile
 from rf_pointing.ros.stamps import stamp_from_seconds
 from rf_pointing.ros.streams import frame_in
-from rf_pointing.station.description.urdf import AXIS, ORIGIN_RPY
+from rf_pointing.station.description.urdf import joints_of
 
 EARTH = "earth"
 """Earth-centred, Earth-fixed, of REP-105: the one frame that all antennas share."""
@@ -34,19 +35,19 @@ FRESH_S = 1.5
 Directions = NDArray[np.float64]
 
 
-def joint_transforms(reading: JointReading, namespace: str) -> list[TransformStamped]:
+def joint_transforms(reading: JointReading, namespace: str, mount: Kinematics = LEVEL) -> list[TransformStamped]:
     """Return the transforms of both joints, at the stamp of the encoders."""
     transforms = []
-    for axis, parent, child, angle_rad in zip(AXES, FRAMES, FRAMES[1:], reading.position_rad, strict=False):
-        turn = Rotation.from_euler("xyz", ORIGIN_RPY[axis]) * Rotation.from_rotvec(angle_rad * np.array(AXIS[axis]))
-        names = frame_in(namespace, parent), frame_in(namespace, child)
+    for joint, angle_rad in zip(joints_of(mount), reading.position_rad, strict=True):
+        turn = Rotation.from_euler("xyz", joint.rpy) * Rotation.from_rotvec(angle_rad * np.array(joint.axis))
+        names = frame_in(namespace, joint.parent), frame_in(namespace, joint.child)
         transforms.append(_transform(*names, (0.0, 0.0, 0.0), turn, stamp_from_seconds(reading.t_s)))
     return transforms
 
 
-def beam_transform(namespace: str) -> TransformStamped:
+def beam_transform(namespace: str, mount: Kinematics = LEVEL) -> TransformStamped:
     """Return the fixed joint of the URDF."""
-    names = frame_in(namespace, FRAMES[2]), frame_in(namespace, BEAM)
+    names = frame_in(namespace, joints_of(mount)[1].child), frame_in(namespace, BEAM)
     return _transform(*names, (0.0, 0.0, 0.0), Rotation.identity(), Time())
 
 
@@ -54,7 +55,7 @@ def site_transform(site: Site, namespace: str) -> TransformStamped:
     """Return where the antenna stands on the Earth: it joins the antennas' trees to one."""
     # The rows of `axes` are east, north, up; the columns of the rotation are what x, y, z become.
     turn = Rotation.from_matrix(np.array(site.axes).T)
-    return _transform(EARTH, frame_in(namespace, FRAMES[0]), site.position_m, turn, Time())
+    return _transform(EARTH, frame_in(namespace, BASE), site.position_m, turn, Time())
 
 
 def site_fix(site: Site, frame_id: str, t_s: float) -> NavSatFix:

@@ -68,10 +68,11 @@ class TrackPassServer:
     def configure(self, goals: PassGoals, key: CommandKeyParams) -> None:
         """Serve these goals, and sign their commands."""
         node, self._goals = self._node, goals
+        self._axes = goals.controller.plan.mount.axes
         self._commands = CommandSender(node, key, node.publisher)
         self._status = node.stream(ours.TrackingStatus, "tracking_status", STREAM)
         self._certificates = node.stream(ours.PassCertificate, "pass_certificate", LATCHED)
-        joints = convert.joints_from_message
+        joints = partial(convert.joints_from_message, axes=self._axes)
         self._joints = node.listen_latest(JointState, "joint_states", joints, STREAM, steady=True, required=True)
         self._census, self._message = StationCensus(), ours.TrackingStatus()
         node.listen(StationInUse, STATION_IN_USE, self._census.note, IN_USE)
@@ -119,7 +120,7 @@ class TrackPassServer:
 
     def publish(self, t_s: float, trajectory: Trajectory | None, status: TrackingStatus) -> None:
         if trajectory is not None:
-            self._commands.send(convert.trajectory_to_message(trajectory, t_s))
+            self._commands.send(convert.trajectory_to_message(trajectory, t_s, self._axes))
         self._message = convert.tracking_status_to_message(status)
         self._message.commands_sent = self._commands.sent
         self._status.publish(self._message)

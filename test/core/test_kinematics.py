@@ -166,7 +166,10 @@ def test_keyholes_are_the_ends_of_the_pole_above_the_horizon() -> None:
 
 
 def test_a_tilt_axis_leans_away_from_a_pass_or_towards_it() -> None:
-    mount = Kinematics(type="azimuth_elevation_tilt", tilt_rad=7.0 * DEG)
+    mount = Kinematics(type="azimuth_elevation_tilt", tilt_rad=7.0 * DEG, train_rate_rad_s=2.0 * DEG)
+    assert mount.leaning_s == pytest.approx(90.0)
+    stands = mount.replace(train_rate_rad_s=0.0)
+    assert (stands.leaning_from(1.0), stands.leaning_s) == ((stands,), 0.0)
     away, towards = mount.leaning_from(100.0 * DEG)
     for one, bearing in ((away, 280), (towards, 100)):
         ((azimuth, elevation),) = one.keyholes_rad()

@@ -109,6 +109,15 @@ def written(path: Path, node: str, flat: dict[str, Any]) -> Path:
     return path
 
 
+def refusal(station: str, node: str) -> str:
+    """Return why a node refuses the mount of a station, "" if it takes it."""
+    try:
+        read_station(station).require_mount(node)
+    except ValueError as error:
+        return str(error)
+    return ""
+
+
 CASES = [
     *((kind, station) for kind in KINDS if issubclass(kind, StationNode) for station in shipped_stations()),
     *((kind, "") for kind in KINDS if not issubclass(kind, StationNode)),
@@ -120,6 +129,10 @@ def test_a_dump_gives_the_same_node_back(
     kind: type[ManagedNode], station: str, started: Callable[..., Started], tmp_path: Path
 ) -> None:
     first = started(kind, *(["-p", f"station:={station}"] if station else []))
+    name = first.node.get_name()
+    if station and (refused := refusal(station, name)):
+        assert first.node.parameters.reasons == [refused]
+        return
     dumped = first.dump()
     assert len(dumped) > 3
     file = written(tmp_path / "dump.yaml", first.node.get_fully_qualified_name(), dumped)

@@ -21,6 +21,7 @@ from rf_pointing.ros import convert, convert_description
 from rf_pointing.ros.graph import FRAMES, GRAPH, TOPICS
 from rf_pointing.ros.stamps import stamp_from_seconds
 from rf_pointing.ros.streams import frame_in
+from rf_pointing.station.derive.axes import kinematics_of
 from rf_pointing.station.description import read_station, shipped_stations
 from rf_pointing.station.description.urdf import size_m, urdf
 
@@ -50,6 +51,20 @@ def test_transforms_are_those_of_the_beam_also_over_the_top(random: np.random.Ge
         beam = (first * second * third).apply([1.0, 0.0, 0.0])
         assert np.allclose(beam, unit_vector_from_azel(azimuth, elevation), atol=1e-12)
         assert turns[0].header.stamp == stamp_from_seconds(1e9)
+
+
+@pytest.mark.parametrize("name", ["xy_7m3", "polar_3m"])
+def test_transforms_of_other_axes_are_those_of_their_mount(name: str, random: np.random.Generator) -> None:
+    mount = kinematics_of(read_station(name).content)
+    for angles in random.uniform(-1.5, 1.5, size=(20, 2)):
+        reading = JointReading(t_s=1e9, position_rad=angles, velocity_rad_s=np.zeros(2))
+        first, second = convert_description.joint_transforms(reading, NAMESPACE, mount)
+        end = convert_description.beam_transform(NAMESPACE, mount)
+        links = [f"gs4/{axis}_link" for axis in mount.axes]
+        assert [first.child_frame_id, second.child_frame_id, end.header.frame_id] == [*links, links[1]]
+        turn = rotation(first.transform.rotation) * rotation(second.transform.rotation)
+        beam = turn.apply([1.0, 0.0, 0.0])
+        assert np.allclose(beam, unit_vector_from_azel(*mount.sky_at(*angles.tolist())), atol=1e-12)
 
 
 @pytest.mark.parametrize("name", shipped_stations())

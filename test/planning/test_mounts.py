@@ -29,7 +29,7 @@ from rf_pointing.planning.slew import Moving, slew_path
 DEG = math.pi / 180.0
 X_Y = Kinematics(type="x_y")
 HA_DEC = Kinematics(type="ha_dec", latitude_rad=-35.0 * DEG)
-TILT = Kinematics(type="azimuth_elevation_tilt", tilt_rad=7.0 * DEG)
+TILT = Kinematics(type="azimuth_elevation_tilt", tilt_rad=7.0 * DEG, train_rate_rad_s=DEG)
 EVERY = [X_Y, Kinematics(type="x_y", lower_axis=LOWER_AXES[1]), HA_DEC, TILT.replace(train_rad=0.7)]
 HILLS = HorizonMask(
     azimuth_rad=tuple(x * DEG for x in (0.0, 50.0, 60.0, 70.0, 150.0, 200.0, 201.0, 202.0, 300.0)),

@@ -18,6 +18,7 @@ from rf_pointing.core import (
     SkyUncertainty,
     Target,
 )
+from rf_pointing.core.mount_types import MOUNTS
 from rf_pointing.ros import convert
 
 T_S = 1_151_384_323.813083
@@ -41,6 +42,26 @@ def test_joints_in_another_order_are_sorted_by_name(random: np.random.Generator)
     for name in ("name", "position", "velocity"):
         setattr(message, name, list(getattr(message, name))[::-1])
     assert same(convert.joints_from_message(message), reading)
+
+
+@pytest.mark.parametrize("axes", [each.axes for each in MOUNTS.values()])
+def test_joints_of_any_mount_keep_their_names_and_those_of_another_are_refused(
+    axes: tuple[str, str], random: np.random.Generator
+) -> None:
+    reading = JointReading(t_s=T_S, position_rad=random.uniform(-4, 4, 2), velocity_rad_s=random.uniform(-1, 1, 2))
+    message = convert.joints_to_message(reading, axes)
+    assert list(message.name) == list(axes)
+    for known in ((), axes):
+        assert same(convert.joints_from_message(message, known), reading)
+    still = np.zeros((1, 2))
+    motion = JointTrajectory(t_s=[T_S + 1.0], position_rad=still + 0.5, velocity_rad_s=still, acceleration_rad_s2=still)
+    command = convert.trajectory_to_message(motion, T_S, axes)
+    assert same(convert.trajectory_from_message(command, T_S, axes), motion)
+    for other in {each.axes for each in MOUNTS.values()} - {axes}:
+        with pytest.raises(ValueError, match=f"unknown joint {axes[0]}, {axes[1]}; the joints are {', '.join(other)}"):
+            convert.trajectory_from_message(command, T_S, other)
+        with pytest.raises(ValueError, match="unknown joint"):
+            convert.joints_from_message(message, other)
 
 
 @pytest.mark.parametrize(

@@ -12,6 +12,7 @@ import numpy as np
 
 from rf_pointing.core import Boresight, PointingError
 from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
+from rf_pointing.core.kinematics import LEVEL, Kinematics
 from rf_pointing.core.types import ComplexArray
 from rf_pointing.ephemeris import TopocentricTrack
 from rf_pointing.receiver.generator import SignalGenerator
@@ -36,8 +37,10 @@ class RadioPiece(NamedTuple):
 class SimulatedRadio(ArrivingSignal):
     """Makes samples for every tick; `take` returns None for the first one, and after a gap."""
 
-    def __init__(self, params: SignalParams, radio: RadioParams, real_track: TopocentricTrack) -> None:
-        super().__init__(params, real_track)
+    def __init__(
+        self, params: SignalParams, radio: RadioParams, real_track: TopocentricTrack, mount: Kinematics = LEVEL
+    ) -> None:  # fmt: skip
+        super().__init__(params, real_track, mount)
         self.radio = radio
         self._generator = SignalGenerator(radio.generator)
         self._beam = Beam(params.beam)

@@ -16,6 +16,7 @@ import numpy as np
 from rf_pointing.core import Params, leaves, parameter, with_leaves
 from rf_pointing.core.checks import one_of
 from rf_pointing.core.dates import utc_text
+from rf_pointing.core.kinematics import LEVEL
 from rf_pointing.core.whole_file import read_whole
 from rf_pointing.ephemeris.solar import SolarDirection, SunParams
 from rf_pointing.ephemeris.target_offsets import TargetOffsets
@@ -54,10 +55,11 @@ TAKES = {"track": ("aos_utc", "sensor")}
 LIMITS = tuple(f"limits.{axis}_{end}_deg" for axis in ("azimuth", "elevation") for end in ("min", "max"))
 SUN_RADIUS = "machine.sun_radius_deg"
 OFFSETS = tuple(leaves(TargetOffsets()))
+SETS: Mapping[str, Params] = {"mask": HorizonMask(), "sun": SunParams(), "kinematics": LEVEL}
 READ = {
     "pointing_controller": [
         *LIMITS, SUN_RADIUS,
-        *(f"{name}.{leaf}" for name, each in (("mask", HorizonMask()), ("sun", SunParams())) for leaf in leaves(each)),
+        *(f"{name}.{leaf}" for name, each in SETS.items() for leaf in leaves(each)),
     ],
     "ephemeris_publisher": [f"source.{name}" for name in OFFSETS],
 }  # fmt: skip
@@ -121,6 +123,7 @@ class Board:
         """The coming passes of the selected target, in the order of their times."""
         self._period_s, self._namespace, self._send = 1.0 / rate_hz, namespace, send
         self._now_s = self._utc_s = 0.0
+        self._mount = LEVEL
         self._kept: dict[str, Any] = {"certificate": None, "station": {"name": "", "band": ""}}
         self._seen_s: dict[str, float] = {}
         self._nodes: dict[str, dict[str, Any]] = {}
@@ -195,11 +198,12 @@ class Board:
             found = {name: values[f"source.{name}"] for name in OFFSETS if f"source.{name}" in values}
             self._parameters["offsets"] = with_leaves(TargetOffsets(), found).offsets_text
             return
+        self._mount = with_leaves(LEVEL, _below("kinematics.", values))
         mask = with_leaves(HorizonMask(), _below("mask.", values))
         sun = with_leaves(SunParams(), _below("sun.", values))
         self._parameters |= {
             "limits_deg": [values.get(name) for name in LIMITS], "mask_deg": mask_values(mask),
-            "sun_radius_deg": values.get(SUN_RADIUS),
+            "sun_radius_deg": values.get(SUN_RADIUS), "axes": self._mount.axes,
         }  # fmt: skip
         if self._sun is None or self._sun.site != sun.site:
             self._sun = SolarDirection(sun)
@@ -215,6 +219,9 @@ class Board:
         # A station without a receiver has no carrier to lose.
         self._carrier_seen |= (live.get("carrier_to_noise_db_hz") or 0.0) > 0.0
         more = {"age_s": age_s, "viewers": self._viewers, "carrier_seen": self._carrier_seen}
+        if not self._mount.level and "encoder_deg" in live:
+            # The encoders show other angles than those of the sky plot.
+            more["sky_deg"] = degrees(self._mount.skies(np.radians(live["encoder_deg"])).tolist(), 3)
         found: dict[str, Any] = {"live": {**more, **live}}
         if self._now_s < self._slow_s:
             return found

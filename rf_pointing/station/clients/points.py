@@ -45,6 +45,7 @@ MOVES_RAD = math.radians(0.03)
 # Below it two points are one that was sent twice.
 SAME_S = 0.05
 KEPT_POINTS = 40
+ZENITH = np.array([0.0, 0.0, 1.0])
 # `angles_and_rates` takes metres; any distance beyond its least horizontal one will do.
 _DISTANCE = 1e6
 
@@ -201,11 +202,12 @@ class ClientPoints:
         return Motion(motion.position + left * step, motion.velocity + rate * step, motion.acceleration + bend * step)
 
 
-def azimuth_still_to_come(motion: Motion) -> Pair:
+def azimuth_still_to_come(motion: Motion, zenith: Array = ZENITH) -> Pair:
     """Return the least and largest azimuth of the rest of a pass, from its motion (1, 2) now.
 
     The satellite goes straight on: its direction runs along the great circle of its motion until
-    that sets.  Azimuths are continuous from the motion's.
+    that sets.  Azimuths are continuous from the motion's.  In the angles of other axes the `zenith`
+    (3,) is where these see it.
     """
     azimuth, elevation = motion.position[0]
     up = unit_vector_from_azel(azimuth, elevation)
@@ -216,7 +218,7 @@ def azimuth_still_to_come(motion: Motion) -> Pair:
     if speed == 0.0:
         return float(azimuth), float(azimuth)
     ahead = across / speed
-    setting = max(math.atan2(float(up[2]), -float(ahead[2])), 0.0)
+    setting = max(math.atan2(float(up @ zenith), -float(ahead @ zenith)), 0.0)
     set_azimuth, _ = azel_from_unit_vector(up * math.cos(setting) + ahead * math.sin(setting))
     # It is half a turn at most, in the sense of the present motion.
     way = math.copysign(math.remainder(float(set_azimuth) - azimuth, TURN), motion.velocity[0, 0])
@@ -261,7 +263,7 @@ class Follower:
     """
 
     def __init__(self, controller: ControllerParams, params: FollowParams) -> None:
-        self.params, self.points = params, ClientPoints(params)
+        self.params, self.points, self.mount = params, ClientPoints(params), controller.kinematics
         self.model: BiasModel | None = None
         self.azimuth_rad: float | None = None
         self.unwinds = False
@@ -274,7 +276,7 @@ class Follower:
         self.azimuth_rad = None
 
     def beam_rad(self, axes: JointReading) -> Pair:
-        """Return azimuth and elevation of the beam, on the axes' side of the zenith."""
+        """Return azimuth and elevation of the beam, on the side of the zenith of such axes."""
         beam = tuple(axes.position_rad)
         azimuth = float(beam[0])
         if self.model is not None:
@@ -283,17 +285,24 @@ class Follower:
                 beam = self.model.beam_at(*beam, *axes.velocity_rad_s, 0.0, 0.0)
         if math.cos(beam[0] - azimuth) < 0.0:
             beam = beam[0] + math.pi, math.pi - beam[1]
+        if not self.mount.level:
+            return self.mount.sky_at(float(beam[0]), float(beam[1]))
         return float(beam[0]), float(beam[1])
 
     def place_rad(self, axes: JointReading) -> Array:
         """Return where the axes (2,) hold the latest point, on the nearest turn of the travel."""
         east, north, up = self.points.history[1][-1]
-        azimuth = nearest_turn_rad(math.atan2(east, north), float(axes.position_rad[0]))
+        place = np.array([[math.atan2(east, north), math.asin(up)]])
+        still = np.zeros((1, 2))
+        first, second = self._seen(Motion(place, still, still)).position[0].tolist()
+        first = nearest_turn_rad(first, float(axes.position_rad[0]))
         low, high = self._limits.azimuth_min_rad, self._limits.azimuth_max_rad
-        turns = [azimuth + TURN * k for k in (0, -1, 1, -2, 2)]
-        azimuth = next((each for each in turns if low <= each <= high), azimuth)
-        sky = raised(np.array([[azimuth, math.asin(up)]]), self._limits, self._mask, self.params.clear_rad)
-        found: Array = self._on_axes(Motion(sky, np.zeros((1, 2)), np.zeros((1, 2)))).position[0]
+        turns = [first + TURN * k for k in (0, -1, 1, -2, 2)]
+        first = next((each for each in turns if low <= each <= high), first)
+        goal = np.array([[first, second]])
+        if self.mount.level:
+            goal = raised(goal, self._limits, self._mask, self.params.clear_rad)
+        found: Array = self._on_axes(Motion(goal, still, still)).position[0]
         return found
 
     def rest_rad(self, axes: JointReading) -> Array:
@@ -307,11 +316,11 @@ class Follower:
         times = np.round(t_s + AHEAD_S, 6)
         if self.azimuth_rad is None:
             self.azimuth_rad = self._azimuth_for_the_rest(t_s, axes)
-        sky, self.unwinds = self.points.motion(times, self.azimuth_rad), False
+        sky, self.unwinds = self._motion(times, self.azimuth_rad), False
         if not self._limits.azimuth_min_rad <= sky.position[-1, 0] <= self._limits.azimuth_max_rad:
             other = self._azimuth_for_the_rest(t_s, axes)
             self.unwinds = abs(other - self.azimuth_rad) > math.pi
-            sky = self.points.motion(times, other)
+            sky = self._motion(times, other)
         self.azimuth_rad = float(sky.position[0, 0])
         motion = self._on_axes(self._within(times, sky))
         return JointTrajectory(
@@ -322,16 +331,44 @@ class Follower:
     def _azimuth_for_the_rest(self, t_s: float, axes: JointReading) -> float:
         """Return the azimuth now on the turn that holds the rest of the motion."""
         encoder = float(axes.position_rad[0])
-        now = self.points.motion(np.array([t_s]), encoder)
-        return float(now.position[0, 0]) + turn_for(self._limits, azimuth_still_to_come(now), encoder)
+        now = self._motion(np.array([t_s]), encoder)
+        coming = azimuth_still_to_come(now, self.mount.matrix[2])
+        return float(now.position[0, 0]) + turn_for(self._limits, coming, encoder)
 
-    def _within(self, t_s: Array, sky: Motion) -> Motion:
+    def _motion(self, t_s: Array, near_rad: float) -> Motion:
+        """Return the motion of the points on the axes, its first angle next to this one."""
+        motion = self.points.motion(t_s, near_rad)
+        if self.mount.level:
+            return motion
+        seen = self._seen(motion)
+        first = float(seen.position[0, 0])
+        shift = np.array([nearest_turn_rad(first, near_rad) - first, 0.0])
+        return seen._replace(position=seen.position + shift)
+
+    def _seen(self, sky: Motion) -> Motion:
+        """Return a motion on the sky, above the horizon on other mounts, as the axes see it."""
+        if self.mount.level:
+            return sky
+        lowest = self._mask.lowest_all(sky.position[:, 0]) + self.params.clear_rad
+        low = sky.position[:, 1] < lowest
+        position, *rates = (np.array(each) for each in sky)
+        position[low, 1] = lowest[low]
+        # What is raised goes along the horizon.
+        for each in rates:
+            each[low, 1] = 0.0
+        return Motion(*self.mount.to_axes(position, *rates))
+
+    def _within(self, t_s: Array, motion: Motion) -> Motion:
         """Return a motion inside the travel and above the horizon."""
-        position = raised(sky.position, self._limits, self._mask, self.params.clear_rad)
-        position[:, 0] = np.clip(position[:, 0], self._limits.azimuth_min_rad, self._limits.azimuth_max_rad)
-        changed = position != sky.position
-        slopes = np.gradient(position, t_s, axis=0)
-        return Motion(position, np.where(changed, slopes, sky.velocity), np.where(changed, 0.0, sky.acceleration))
+        limits = self._limits
+        if self.mount.level:
+            position = raised(motion.position, limits, self._mask, self.params.clear_rad)
+            position[:, 0] = np.clip(position[:, 0], limits.azimuth_min_rad, limits.azimuth_max_rad)
+        else:
+            position = np.clip(motion.position, limits.lowest_rad, limits.highest_rad)
+        changed, slopes = position != motion.position, np.gradient(position, t_s, axis=0)
+        still = np.where(changed, 0.0, motion.acceleration)
+        return Motion(position, np.where(changed, slopes, motion.velocity), still)
 
     def _on_axes(self, sky: Motion) -> Motion:
         return sky if self.model is None else axis_motion(sky, self.model)

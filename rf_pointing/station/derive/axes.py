@@ -12,6 +12,8 @@ from rf_pointing.core.types import Pair
 from rf_pointing.station.derive.band import AXIS_KEYS, Band, nearest_within, site_of
 from rf_pointing.station.description.content import Content
 
+TRAIN_RATE_DEG_S = 1.0
+
 
 def limits(of: Band) -> Rows:
     """Travel that may be commanded."""
@@ -24,7 +26,7 @@ def limits(of: Band) -> Rows:
 
 def kinematics(of: Band) -> Rows:
     """How the axes lie."""
-    keys = {"latitude_deg": "site.latitude_deg", "train_deg": "mount.tilt_deg"}
+    keys = {"latitude_deg": "site.latitude_deg"}
     return {
         name: Value(value, keys.get(name, f"mount.{name}"))
         for name, (_, value) in leaves(kinematics_of(of.content)).items()
@@ -34,11 +36,14 @@ def kinematics(of: Band) -> Rows:
 def kinematics_of(content: Content) -> Kinematics:
     """Return the mount of a description; ValueError where it cannot stand at the site."""
     mount = content.mount
+    rate_deg_s = mount.train_rate_deg_s or TRAIN_RATE_DEG_S
     return Kinematics(
         type=mount.type,
         lower_axis=mount.lower_axis or LOWER_AXES[0],
         latitude_rad=site_of(content).latitude_rad if mount.kind.polar else 0.0,
         tilt_rad=math.radians(mount.tilt_deg or 0.0),
+        train_rad=math.radians(mount.train_deg or 0.0),
+        train_rate_rad_s=math.radians(rate_deg_s) if mount.leans_anywhere else 0.0,
     )
 
 

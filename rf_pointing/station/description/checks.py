@@ -8,7 +8,7 @@ import numpy as np
 
 from rf_pointing.core import Params, Sensor, leaves
 from rf_pointing.core.checks import LONGEST_NAME, brief, one_of
-from rf_pointing.core.mount_types import AZIMUTH_ELEVATION
+from rf_pointing.core.mount_types import AZIMUTH_ELEVATION, MOUNTS
 from rf_pointing.core.parameters import flat, from_edge, with_leaves
 from rf_pointing.core.signals import AXES
 from rf_pointing.core.types import Pair
@@ -115,9 +115,9 @@ def _misplaced(mount: MountSection) -> Iterator[tuple[str, str]]:
     for key, name in given.items():
         if name not in names or (name in AXES) == ("." in key):
             yield key, f".{key}: type={mount.type} has the axes {' and '.join(names)}"
-    for key in ("lower_axis", "tilt_deg"):
+    for key in dict.fromkeys(key for each in MOUNTS.values() for key in (*each.keys, *each.further)):
         needed, there = key in mount.kind.keys, getattr(mount, key) is not None
-        if there and not needed:
+        if there and not needed and key not in mount.kind.further:
             yield key, f".{key}: type={mount.type} has no such key"
         elif needed and not there:
             yield key, f".{key} is missing: type={mount.type} needs it"

@@ -99,6 +99,13 @@ class MountSection:
     tilt_deg: float | None = parameter(
         None, "angle by which a tilt axis leans the azimuth axis, to a side chosen for each pass", low=0.1, high=45.0
     )
+    train_deg: float | None = parameter(
+        None, "azimuth to which a tilt axis leans; default: chosen and set before each pass",
+        low=-360.0, high=360.0,
+    )  # fmt: skip
+    train_rate_deg_s: float | None = parameter(
+        None, "rate at which a tilt axis is set to another azimuth; default: 1", low=0.001, high=50.0
+    )
     fixed_elevation_deg: float | None = parameter(
         None, "where an antenna looks that turns in azimuth alone; default: both axes turn", low=-10.0, high=180.0
     )
@@ -131,6 +138,11 @@ class MountSection:
     def kind(self) -> MountType:
         """The row of the mount's type."""
         return MOUNTS[self.type or AZIMUTH_ELEVATION]
+
+    @property
+    def leans_anywhere(self) -> bool:
+        """Whether it has a tilt axis that is set before each pass, and is not set by now."""
+        return self.tilt_deg is not None and self.train_deg is None
 
     @property
     def pair(self) -> tuple[AxisSection, AxisSection]:

@@ -2,22 +2,20 @@
 
 import dataclasses
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from functools import cache, cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-
-import yaml
 
 from rf_pointing.core import require_choice
 from rf_pointing.core.derived import Value
 from rf_pointing.core.modes import Sensor
 from rf_pointing.core.mount_types import AZIMUTH_ELEVATION
 from rf_pointing.core.parameters import flat, leaves
-from rf_pointing.core.whole_file import compose_yaml, read_whole
+from rf_pointing.core.whole_file import read_whole
 from rf_pointing.station.derive.band import Band, Derived, site_of
 from rf_pointing.station.derive.nodes import NODES, reference
-from rf_pointing.station.description.content import Content, ReceiverSection
+from rf_pointing.station.description.content import Content
 from rf_pointing.station.description.reading import Reader, StationError, nearest
 from rf_pointing.tracking.sensors import SENSORS
 
@@ -27,17 +25,20 @@ if TYPE_CHECKING:
 _PACKAGE = Path(__file__).parents[2]
 STATIONS = next(filter(Path.is_dir, (_PACKAGE / "config/stations", _PACKAGE.parent / "config/stations")))
 """Folder of the shipped descriptions: installed with the package, or config/ of a checkout."""
-OTHER_MOUNTS = STATIONS.parent / "other_mounts"
-"""Folder of those with other mounts, which most commands refuse."""
 DEFAULT_STATION = "dss13"
 OF_EVERY_NODE = (
     "lifecycle.autostart", "lifecycle.realtime_priority", "station", "band", "use_sim_time",
     "start_type_description_service",
 )  # fmt: skip
 KNOWS_EVERY_MOUNT = frozenset({"check_station", "plan_passes"})
-"""Commands that know axes by their mount; every node and any other command refuses other mounts."""
-SIMULATED_MOUNTS = frozenset({"x_y", "ha_dec"})
-"""Mounts that are simulated without ROS besides azimuth and elevation."""
+"""Commands that know axes by their mount."""
+FLIES_OTHER_MOUNTS = frozenset({
+    "simulate", "track",
+    "antenna_servo", "rf_receiver", "signal_source", "signal_receiver", *(each.node for each in SENSORS.values()),
+    "bias_calibrator", "ephemeris_publisher", "pointing_controller", "station_description", "rotctld_server",
+    "operator_page", "simulation_clock",
+})  # fmt: skip
+"""Commands and nodes that fly any mount whose tilt is set; any other refuses other mounts."""
 # Parameters of before, and the key that took their place.
 _FORMER = {
     ("ephemeris_publisher", "source.station"): "site",
@@ -68,11 +69,6 @@ class StationDescription:
     def receiver(self) -> str:
         """Type of the receiver: simulated, or that of a device."""
         return self.content.receiver.type
-
-    def received_by(self, section: ReceiverSection) -> "StationDescription":
-        """Return the same station with another receiver."""
-        content = dataclasses.replace(self.content, receiver=section)
-        return StationDescription(self.path, content, self.mask, self.lines)
 
     @property
     def simulated(self) -> bool:
@@ -203,15 +199,10 @@ class StationDescription:
 
         The files that it names are named by their whole paths.
         """
-        # The nodes of YAML and not its values: numbers stay as the user wrote them.
-        root = compose_yaml(read_whole(self.path, encoding="utf-8-sig"))
-        models = {f"bands.{name}.bias_model": self.bias_model_file(name) for name in self.bands}
-        files = {key: str(model) for key, model in models.items() if model}
-        if self.content.mount.horizon_file:
-            files["mount.horizon_file"] = str((self.path.parent / self.content.mount.horizon_file).resolve())
-        for key, value in {**files, **changes}.items():
-            _put(root, key.split("."), value)
-        path.write_text(yaml.serialize(root, Dumper=yaml.SafeDumper))
+        # Imported here: nodes read descriptions, and write none.
+        from rf_pointing.station.description.writing import text_with
+
+        path.write_text(text_with(self, changes))
 
     def require_mount(self, user: str) -> None:
         """Raise ValueError for a mount whose axes `user`, a node or command, does not know.
@@ -219,8 +210,11 @@ class StationDescription:
         Angles of other axes would be taken for azimuth and elevation.
         """
         kind = self.content.mount.type
-        known = user in KNOWS_EVERY_MOUNT or (user == "simulate" and kind in SIMULATED_MOUNTS)
-        if kind != AZIMUTH_ELEVATION and not known:
+        if user in FLIES_OTHER_MOUNTS and self.content.mount.leans_anywhere:
+            raise ValueError(
+                f"mount.train_deg of {self.name} is missing: {user} must know to which azimuth it leans in the pass"
+            )
+        if kind != AZIMUTH_ELEVATION and user not in KNOWS_EVERY_MOUNT | FLIES_OTHER_MOUNTS:
             raise ValueError(
                 f"{user} knows mounts of type {AZIMUTH_ELEVATION} alone: mount.type of {self.name} is {kind}"
             )
@@ -242,12 +236,11 @@ def read_station(name_or_path: str | Path, nodes: tuple[str, ...] = tuple(NODES)
         A ValueError with all problems of the file, one a line: `file:line: key=value must ...`.
     """
     text = str(name_or_path)
-    path = next(filter(Path.is_file, (STATIONS / f"{text}.yaml", OTHER_MOUNTS / f"{text}.yaml")), None)
-    if path is None:
+    path = STATIONS / f"{text}.yaml"
+    if not path.is_file():
         path = Path(text).expanduser()
         if not path.is_file():
-            shipped = shipped_stations(every_mount=True)
-            raise StationError(text, [(0, f"no such file, and no shipped station{nearest(text, shipped)}")])
+            raise StationError(text, [(0, f"no such file, and no shipped station{nearest(text, shipped_stations())}")])
     return station_from(path, nodes=nodes)
 
 
@@ -270,10 +263,9 @@ def station_from(path: Path, text: str | None = None, nodes: tuple[str, ...] = t
     return station
 
 
-def shipped_stations(*, every_mount: bool = False) -> tuple[str, ...]:
-    """Return the shipped names: of azimuth and elevation alone, or of `every_mount`."""
-    files = [*STATIONS.glob("*.yaml"), *(OTHER_MOUNTS.glob("*.yaml") if every_mount else ())]
-    return tuple(sorted(path.stem for path in files if not path.stem.startswith("bias_model")))
+def shipped_stations() -> tuple[str, ...]:
+    """Return the names of the shipped descriptions."""
+    return tuple(sorted(path.stem for path in STATIONS.glob("*.yaml") if not path.stem.startswith("bias_model")))
 
 
 def require_known(node: str, names: Iterable[str]) -> None:
@@ -302,24 +294,6 @@ def same_value(given: Any, value: Any) -> bool:
     return bool(
         (list(given) if isinstance(given, tuple) else given) == (list(value) if isinstance(value, tuple) else value)
     )
-
-
-def _put(section: yaml.MappingNode, keys: Sequence[str], value: Any) -> None:
-    """Set the value at `keys` below a section of YAML nodes."""
-    rows = {str(name.value): index for index, (name, _) in enumerate(section.value)}
-    name, below = keys[0], keys[1:]
-    if below:
-        if name not in rows:
-            section.value.append((yaml.compose(name), yaml.compose("{}")))
-            rows[name] = -1
-        _put(section.value[rows[name]][1], below, value)
-        return
-    plain = list(value) if isinstance(value, tuple) else value
-    row = (yaml.compose(f'"{name}"'), yaml.compose(yaml.safe_dump(plain)))
-    if name in rows:
-        section.value[rows[name]] = row
-    else:
-        section.value.append(row)
 
 
 def _check_sets(station: StationDescription, node: str, reader: Reader) -> None:

@@ -8,22 +8,26 @@ are the astronomical azimuth and the elevation, and x of `beam` is
 
     (cos el sin az, cos el cos az, sin el) in base_link, also for el > 90 deg.
 
+Other mounts have the names of their axes, and their fixed rotations before the lower joint.
+
 Limits are the mechanical stops, soft limits the travel that may be commanded.  Inertia is that of
 the simulated plant, motors included; shapes are for the eye.
 """
 
 import math
 from collections.abc import Mapping
+from typing import NamedTuple
 from xml.etree import ElementTree
 
-from rf_pointing.core.signals import AXES, AZIMUTH, BASE, BEAM, ELEVATION
+import numpy as np
+
+from rf_pointing.core.kinematics import UP, Kinematics, Turn
+from rf_pointing.core.signals import AXES, BASE, BEAM
+from rf_pointing.core.types import Array
+from rf_pointing.station.derive.axes import kinematics_of
 from rf_pointing.station.derive.band import BEAM_FACTOR_DEG, Band
 from rf_pointing.station.description.description import StationDescription
 
-ORIGIN_RPY = {AXES[0]: (0.0, 0.0, math.pi / 2.0), AXES[1]: (0.0, 0.0, 0.0)}
-"""Rotation from parent to child at position 0: azimuth 0 looks north, along y."""
-AXIS = {AXES[0]: (0.0, 0.0, -1.0), AXES[1]: (0.0, -1.0, 0.0)}
-"""Axis of each joint: azimuth is clockwise from above, elevation goes up."""
 WHITE, GREY = "0.92 0.92 0.90 1", "0.45 0.47 0.50 1"
 
 
@@ -35,29 +39,61 @@ def size_m(station: StationDescription) -> float:
     return BEAM_FACTOR_DEG * band.wavelength_m / band.beamwidth_deg
 
 
+class Joint(NamedTuple):
+    """One axis: rotation from parent to child at position 0, and about what the child turns."""
+
+    name: str
+    parent: str
+    child: str
+    rpy: tuple[float, float, float]
+    axis: tuple[float, float, float]
+
+
+def joints_of(mount: Kinematics) -> tuple[Joint, Joint]:
+    """Return the lower and the upper joint of a mount."""
+    (lower, upper), turned = mount.axes, mount.matrix
+    # An axis that counts the other way turns about the opposite of its pole, in a frame of its own.
+    sense = 1.0 if np.linalg.det(turned) > 0.0 else -1.0
+    turned = turned * np.array([sense, 1.0, 1.0])
+    # Azimuth 0 looks ahead, along y, and is clockwise from above; elevation goes up.
+    rpy = (0.0, 0.0, math.pi / 2.0) if mount.level else _rpy(turned @ Turn(UP, math.pi / 2.0).matrix())
+    first = Joint(lower, BASE, f"{lower}_link", rpy, (0.0, 0.0, -sense))
+    return first, Joint(upper, first.child, f"{upper}_link", (0.0, 0.0, 0.0), (0.0, -1.0, 0.0))
+
+
+def _rpy(turn: Array) -> tuple[float, float, float]:
+    """Return roll, pitch and yaw about the fixed axes of the parent, of a rotation (3, 3)."""
+    level = math.hypot(turn[0, 0], turn[1, 0])
+    pitch = math.atan2(-turn[2, 0], level)
+    # Where x points up or down, roll and yaw turn about the same axis.
+    if level < 1e-9:
+        return 0.0, pitch, math.atan2(-turn[0, 1], turn[1, 1])
+    return math.atan2(turn[2, 1], turn[2, 2]), pitch, math.atan2(turn[1, 0], turn[0, 0])
+
+
 def urdf(station: StationDescription) -> str:
     """Return the URDF of a station's antenna, as XML text with one element a line."""
-    station.require_mount("the URDF")
+    joints = joints_of(kinematics_of(station.content))
     robot = ElementTree.Element("robot", name=station.name)
     plant = station.parameters("antenna_servo")
     inertia = {axis: float(plant[f"plant.{axis}.inertia_kg_m2"]) for axis in AXES}
     size = size_m(station)
     base = _link(robot, BASE)
     _shape(base, "cylinder", {"radius": 0.07 * size, "length": 0.6 * size}, (0.0, 0.0, -0.36 * size), colour=GREY)
-    azimuth = _link(robot, AZIMUTH)
+    azimuth = _link(robot, joints[0].child)
     # What turns with the elevation turns with the azimuth as well: the plant counts it in both.
     own = max(inertia[AXES[0]] - inertia[AXES[1]], 0.1 * inertia[AXES[0]])
     _inertial(azimuth, own, size)
     _shape(azimuth, "box", {"size": (0.12 * size, 0.24 * size, 0.12 * size)}, (0.0, 0.0, -0.02 * size), colour=GREY)
-    elevation = _link(robot, ELEVATION)
+    elevation = _link(robot, joints[1].child)
     _inertial(elevation, inertia[AXES[1]], size)
     _reflector(elevation, size) if station.content.dish else _boom(elevation, size)
     _link(robot, BEAM)
-    for axis, parent, child in ((AXES[0], BASE, AZIMUTH), (AXES[1], AZIMUTH, ELEVATION)):
-        joint = _joint(robot, axis, "revolute", parent, child, ORIGIN_RPY[axis])
-        ElementTree.SubElement(joint, "axis", xyz=_words(AXIS[axis]))
+    for axis, each in zip(AXES, joints, strict=True):
+        joint = _joint(robot, each.name, "revolute", each.parent, each.child, each.rpy)
+        ElementTree.SubElement(joint, "axis", xyz=_words(each.axis))
         _limits(joint, plant, station, axis, inertia[axis])
-    _joint(robot, BEAM, "fixed", ELEVATION, BEAM, (0.0, 0.0, 0.0))
+    _joint(robot, BEAM, "fixed", joints[1].child, BEAM, (0.0, 0.0, 0.0))
     ElementTree.indent(robot)
     return f'<?xml version="1.0"?>\n{ElementTree.tostring(robot, encoding="unicode")}\n'
 

@@ -124,10 +124,20 @@ def planned_certificate(
     for mount in rules.mount.leaning_from(float(profile.position_rad[np.argmax(profile.position_rad[:, 1]), 0])):
         here = replace(rules, mount=mount)
         gate = Gate(rules.gate, rules.limits, rules.mask, rules.machine.axes, mount)
-        slew = partial(gate.slew, sun_rad=mount.axes_at(azimuth, elevation))
+        slew = _once_it_leans(mount, partial(gate.slew, sun_rad=mount.axes_at(azimuth, elevation)))
         own = profile.on(mount)
         found.append(certificate_of(own, here, free_t_s, encoder_rad, plunge_allowed=plunge_allowed, slew=slew))
     return min(found, key=lambda one: branch_cost(one.branches[0])), profile.resampled()
+
+
+def _once_it_leans(mount: Kinematics, slew: Slew) -> Slew:
+    """Return the slew after a tilt axis is set, which may take half a turn of it."""
+
+    def slewed(start: tuple[float, float], goal: tuple[float, float]) -> tuple[float, str]:
+        needed_s, barred = slew(start, goal)
+        return mount.leaning_s + needed_s, barred
+
+    return slewed if mount.leaning_s else slew
 
 
 def pass_profile(

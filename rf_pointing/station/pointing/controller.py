@@ -75,6 +75,7 @@ class PointingController:
         self._mode = TrackingMode(params.autotrack, params.pointing, self.carrier)
         self._motion = CommandedMotion(params.pointing, self.plan, self.corrections)
         self._pass: Pass | None = None
+        self._asked: Pass
         self._turns_rad: float | None = None
         self._stopping, self._sensor = "", Sensor.PROGRAM.value
         self._started_s, self._stepped_s, self._returning = -math.inf, -math.inf, False
@@ -90,8 +91,10 @@ class PointingController:
 
     @property
     def window(self) -> Pass | None:
-        """The pass in hand, as far as it is certified by now."""
-        return self._pass
+        """The pass in hand on the sky, as far as it is certified by now."""
+        if self._pass is None or self.plan.mount.level:
+            return self._pass
+        return replace(self._asked, los_t_s=self._pass.los_t_s)
 
     @property
     def stopping(self) -> bool:
@@ -222,7 +225,7 @@ class PointingController:
         self.plan.forget()
         axes, known = self._motion.axes, self.plan.profile_of(window) is not None
         self._turns_rad = self._choose_turn(t_s, window, axes, sensor) if axes is not None and known else None
-        self._sensor, self._started_s = sensor, t_s
+        self._sensor, self._started_s, self._asked = sensor, t_s, window
         self._pass, self._stopping = self.plan.seen(window), ""
         self._motion.restart()
         if self._turns_rad is not None:

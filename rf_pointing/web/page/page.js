@@ -300,14 +300,16 @@ function buildAxes() {
     svg.append(draw("rect", {class: "bar", x: 10, y: 14, width: 280, height: 6}), draw("path", {class: "encoder", id: `axis-encoder-${index}`, d: "M0 20 6 32H-6Z"}),
       draw("path", {class: "command", id: `axis-command-${index}`, d: "M0 6V20"}), draw("rect", {class: "bar", x: 10, y: 38, width: 280, height: 5}),
       draw("rect", {class: "filled", id: `axis-rate-${index}`, x: 150, y: 38, width: 0, height: 5}));
-    byId("axes").append(make("div", {class: "axis"}, make("p", {class: "figure"}, make("small", {}, `${name} `), make("span", {class: "number", id: `axis-now-${index}`}, "–"),
+    byId("axes").append(make("div", {class: "axis"}, make("p", {class: "figure"}, make("small", {id: `axis-name-${index}`}, `${name} `), make("span", {class: "number", id: `axis-now-${index}`}, "–"),
       make("small", {id: `axis-more-${index}`})), svg, make("p", {class: "ends"}, make("span", {id: `axis-low-${index}`}), make("span", {id: `axis-text-${index}`}), make("span", {id: `axis-high-${index}`}))));
   }
 }
 
 function showAxes(live) {
   const limits = (shown.station || {}).limits_deg, commanded = [live.azimuth_deg, live.elevation_deg];
+  const names = (shown.station || {}).axes;
   for (const index of [0, 1]) {
+    if (names) write(`axis-name-${index}`, `${names[index].replace("_", " ").replace(/^./, (first) => first.toUpperCase())} `);
     const now = (live.encoder_deg || [])[index], rate = (live.rate_deg_s || [])[index], most = (live.rate_limit_deg_s || [])[index];
     write(`axis-now-${index}`, `${fixed(now, 2)}°`);
     write(`axis-more-${index}`, ` → ${fixed(commanded[index], 2)}°`);
@@ -387,14 +389,14 @@ const show = {
     byId("warnings").className = `words ${live.level === 2 ? "bad" : "warn"}`;
     byId("fault").hidden = !live.fault;
     write("fault", live.fault ? `FAULT LATCHED: ${live.fault}. Look at the antenna, then reset the fault.` : "");
-    put("sky-beam", live.encoder_deg);
+    put("sky-beam", live.sky_deg || live.encoder_deg);
     const up = put("sky-target", "target" in live.age_s && live.age_s.target < STALE_S ? (live.sky_target || {}).position_deg : null);
     showBeam(live);
     showAxes(live);
     showCarrier(live);
     if (!show.spokenAt || performance.now() - show.spokenAt > 2000) {
       show.spokenAt = performance.now();
-      const [a, e] = live.encoder_deg || [];
+      const [a, e] = live.sky_deg || live.encoder_deg || [];
       byId("sky").setAttribute("aria-label", `Sky plot: beam at azimuth ${fixed(a, 1)}, elevation ${fixed(e, 1)} degrees; target ${up ? "above" : "below"} the horizon`);
     }
   },

@@ -17,6 +17,7 @@ from rf_pointing.station.clients.board import (
     PageParams,
     path_values,
 )
+from rf_pointing.station.derive.axes import kinematics_of
 from rf_pointing.station.description import read_station
 
 NOW_S, WALL_S, RATE_HZ = 1.8e9, 1000.0, 6.0
@@ -129,6 +130,19 @@ def test_limits_horizon_and_sun_are_those_in_force(page: Page) -> None:
     assert page.shown(1.0)["sun"] == pytest.approx(sun, abs=0.02)
     page.board.note_parameters("pointing_controller", values | {"sun.site.latitude_deg": -30.0})
     assert math.dist(page.shown(1.0)["sun"], sun) > 1.0
+
+
+@pytest.mark.parametrize("name", ["dss13", "xy_7m3", "polar_3m"])
+def test_the_sky_plot_has_the_direction_of_the_axes_and_the_bars_their_names(page: Page, name: str) -> None:
+    station = read_station(name)
+    values = station.parameters("pointing_controller", station.default_band)
+    mount, angles = kinematics_of(station.content), (20.0, 30.0)
+    page.board.note_parameters("pointing_controller", {each: values[each] for each in READ["pointing_controller"]})
+    found = page.board.sections({"encoder_deg": list(angles)})
+    assert found["station"]["axes"] == mount.axes
+    shown = found["live"].get("sky_deg", found["live"]["encoder_deg"])
+    wanted = np.degrees(mount.sky_at(*np.radians(angles).tolist()))
+    assert shown == pytest.approx(wanted, abs=1e-3)
 
 
 def profile(target: str, begin_s: float, length_s: float, count: int = 4) -> PassProfile:

@@ -7,10 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from rf_pointing.core import Motion, angular_distance_rad, azel_from_unit_vector, unit_vector_from_azel
+from rf_pointing.core.kinematics import Kinematics
 from rf_pointing.ephemeris import CatalogueSky, Elements, Site, TopocentricTrack, tle_lines
 from rf_pointing.planning import AxisLimits, HorizonMask
 from rf_pointing.station.clients.points import (
@@ -28,6 +29,11 @@ from rf_pointing.station.clients.points import (
 T_S = 1.7e9
 SITE = Site.from_degrees(48.745, 9.103, 520.0)
 MATCH = MatchParams()
+OTHERS = [
+    Kinematics(type="x_y"),
+    Kinematics(type="x_y", lower_axis="north_south"),
+    Kinematics(type="ha_dec", latitude_rad=-0.6),
+]
 
 
 def orbit(number: int, anomaly: float, node: float) -> Elements:
@@ -306,3 +312,23 @@ def test_elements_that_cannot_be_read_are_a_problem_until_they_can(overhead: Ele
     assert [one.catalogue_number for one in known.sky.elements] == [1]
     assert known.problem == ""
     known.close()
+
+
+@given(st.sampled_from(OTHERS), st.floats(-3.1, 3.1), st.floats(0.05, 1.5), st.floats(-3.1, 3.1))
+def test_on_other_axes_the_rest_of_a_pass_goes_on_until_it_sets_on_the_sky(
+    mount: Kinematics, azimuth: float, elevation: float, course: float
+) -> None:
+    """The great circle in steps of 0.02 deg until it is below the horizon."""
+    up, still = unit_vector_from_azel(azimuth, elevation), np.zeros((1, 2))
+    north = unit_vector_from_azel(azimuth, elevation + 0.5 * math.pi)
+    ahead = math.cos(course) * north + math.sin(course) * np.cross(up, north)
+    way = np.arange(0.0, 2.0 * math.pi, math.radians(0.02))[:, None]
+    path = np.cos(way) * up + np.sin(way) * ahead
+    path = path[: int(np.argmax(path[:, 2] < 0.0))] @ mount.matrix
+    assume(np.all(np.abs(path[:, 2]) < 0.999))
+    rate = (math.sin(course) / math.cos(elevation), math.cos(course))
+    now = Motion(*mount.to_axes(np.array([[azimuth, elevation]]), np.array([rate]), still))
+    angles = np.unwrap(np.arctan2(path[:, 0], path[:, 1]))
+    angles += float(now.position[0, 0]) - angles[0]
+    low, high = azimuth_still_to_come(now, mount.matrix[2])
+    assert (low, high) == pytest.approx((angles.min(), angles.max()), abs=0.02)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 
 from rf_pointing.calibration import BiasModel
-from rf_pointing.core import JointReading, JointTrajectory, unit_vector_from_azel
+from rf_pointing.core import JointReading, JointTrajectory, angular_distance_rad, unit_vector_from_azel
 from rf_pointing.drives.line_server import IO_ERROR, REJECTED, TIMED_OUT, Inquiry, Order, Session
 from rf_pointing.drives.rotctld import Habit, StationView
 from rf_pointing.station.clients.points import Follower, FollowParams, MatchParams
@@ -24,6 +24,7 @@ CLIENT, RIVAL, NODE = "127.0.0.1:5001", "127.0.0.1:5002", "/gs1/rotctld_server"
 STATION = read_station("dss13")
 CONTROLLER = controller_params(STATION)
 """Travel -220 to 220 and 4 to 89.5 deg, acceleration 0.8 deg/s^2."""
+OTHER_MOUNTS = {name: controller_params(read_station(name)) for name in ("xy_7m3", "polar_3m")}
 RATE_DEG_S = 0.5
 
 
@@ -282,6 +283,41 @@ def test_the_beam_of_the_axes_at_a_place_is_that_place_on_the_nearest_turn(
     for other_deg in (beam_deg[0] - 360.0, beam_deg[0] + 360.0):
         outside = abs(other_deg) > 220.0
         assert outside or abs(beam_deg[0] - encoder_deg) <= abs(other_deg - encoder_deg) + 1e-6
+
+
+@pytest.mark.parametrize("name", ["xy_7m3", "polar_3m"])
+@given(azimuth_deg=st.floats(0.0, 359.0), elevation_deg=st.floats(8.0, 80.0))
+def test_a_place_on_the_sky_is_held_by_the_axes_of_any_mount(
+    name: str, azimuth_deg: float, elevation_deg: float
+) -> None:
+    controller = OTHER_MOUNTS[name]
+    follower = Follower(controller, FollowParams())
+    follower.points.add(0.0, math.radians(azimuth_deg), math.radians(elevation_deg))
+    place = follower.place_rad(reading(0.0, 0.0))
+    beam = follower.beam_rad(reading(*np.degrees(place)))
+    assert np.degrees(beam) == pytest.approx((azimuth_deg, elevation_deg), abs=1e-6)
+    assert controller.kinematics.sky_at(*place.tolist()) == pytest.approx(beam, abs=1e-9)
+
+
+@pytest.mark.parametrize("name", ["xy_7m3", "polar_3m"])
+def test_points_of_a_pass_are_followed_by_the_axes_of_any_mount(name: str) -> None:
+    """Straight over the sky at 0.5 deg/s: the commanded axes look where the points go."""
+    controller = OTHER_MOUNTS[name]
+    follower, rows, last = Follower(controller, FollowParams()), [], 60
+    along = lambda t: (math.radians(200.0 + 0.2 * t), math.radians(30.0 + 0.5 * t))  # noqa: E731
+    axes = reading(0.0, 0.0)
+    for t_s in range(last):
+        follower.points.add(float(t_s), *along(t_s))
+        if follower.points.moving:
+            command = follower.command(float(t_s), axes)
+            rows.append((command.t_s, command.position_rad))
+            axes = reading(*np.degrees(command.position_rad[0]))
+    assert not follower.unwinds
+    assert len(rows) > 50
+    for times, positions in rows[20:]:
+        wanted = np.array([along(t) for t in times])
+        apart = angular_distance_rad(*controller.kinematics.skies(positions).T, *wanted.T)
+        assert np.degrees(apart).max() < 0.02
 
 
 @given(st.floats(-221.0, 221.0), st.floats(3.0, 90.0), st.tuples(st.floats(-2.0, 2.0), st.floats(-2.0, 2.0)))

@@ -17,9 +17,8 @@ from rf_pointing.commands import check_drive, check_station
 from rf_pointing.core import angular_distance_rad
 from rf_pointing.core.mount_types import MOUNTS
 from rf_pointing.station.derive.nodes import NODES
-from rf_pointing.station.description import StationError, station_from
-from rf_pointing.station.description.description import KNOWS_EVERY_MOUNT, StationDescription
-from rf_pointing.station.description.urdf import urdf
+from rf_pointing.station.description import StationError, read_station, station_from
+from rf_pointing.station.description.description import FLIES_OTHER_MOUNTS, StationDescription
 
 AXIS = {"rate_deg_s": 3.0, "acceleration_deg_s2": 3.0}
 MOUNT_OF: dict[str, dict[str, Any]] = {
@@ -124,7 +123,7 @@ def test_a_bias_model_of_azimuth_and_elevation_is_not_that_of_another_mount(tmp_
         station_from(tmp_path / "s.yaml", text)
 
 
-@pytest.mark.parametrize("node", sorted(set(NODES) - KNOWS_EVERY_MOUNT))
+@pytest.mark.parametrize("node", sorted(set(NODES) - FLIES_OTHER_MOUNTS))
 def test_every_node_that_knows_azimuth_and_elevation_alone_refuses_by_name(
     other: StationDescription, node: str
 ) -> None:
@@ -148,7 +147,6 @@ def test_whatever_would_move_or_fit_azimuth_and_elevation_refuses_it_by_name(
         dict.fromkeys(item.name for item in dataclasses.fields(campaign.CampaignRequest)),
     )
     for user, attempt in {
-        "track": lambda: requests.TrackRequest(station=station, target=target),
         "designate": lambda: requests.DesignateRequest(station=station),
         "calibrate": lambda: requests.CalibrateRequest(station=station),
         "identify_antenna": lambda: requests.IdentifyRequest(station=station),
@@ -159,10 +157,25 @@ def test_whatever_would_move_or_fit_azimuth_and_elevation_refuses_it_by_name(
         "a fit of the bias model": lambda: calibration.fit([], station),
         "plan_calibration": lambda: campaign.CampaignRequest(**(nothing | {"station": station})),
         "check_drive": lambda: check_drive.read_drive([], file),
-        "the URDF": lambda: urdf(other),
     }.items():
         with pytest.raises(ValueError, match=f"^{user} knows mounts of type azimuth_elevation alone"):
             attempt()
+    request = requests.TrackRequest(station=station, target=target)
+    if other.content.mount.tilt_deg is None:
+        assert request.station is station
+        return
+    # The tilt is set before the pass, to one of the two sides of its highest point.
+    chosen = request.changes["mount.train_deg"]
+    track = station.track_of(target)
+    highest_deg = math.degrees(track.target_at(request.window.tca_t_s).azimuth_rad)
+    assert abs(math.sin(math.radians(chosen - highest_deg))) < 0.05
+    other.write(tmp_path / "run.yaml", request.changes)
+    flown = read_station(tmp_path / "run.yaml")
+    assert flown.values()["kinematics.train_deg"].value == pytest.approx(chosen)
+    for user in FLIES_OTHER_MOUNTS:
+        flown.require_mount(user)
+        with pytest.raises(ValueError, match=f"^mount.train_deg of Mine is missing: {user} must know"):
+            other.require_mount(user)
 
 
 def test_passes_of_any_mount_are_certified_in_the_angles_of_its_axes(

@@ -11,7 +11,8 @@ import pytest
 from rf_pointing.commands import check_station
 from rf_pointing.core import AXES
 from rf_pointing.core.angles import unit_vector_from_azel
-from rf_pointing.core.signals import FRAMES
+from rf_pointing.core.signals import BASE, BEAM
+from rf_pointing.station.derive.axes import kinematics_of
 from rf_pointing.station.derive.band import BEAM_FACTOR_DEG, Band
 from rf_pointing.station.description import read_station, shipped_stations
 from rf_pointing.station.description.urdf import size_m, urdf
@@ -44,10 +45,12 @@ def joints_of(text: str) -> list[ElementTree.Element]:
     links = [link.get("name") for link in root.iter("link")]
     joints = {joint.find("parent").get("link"): joint for joint in root.iter("joint")}  # type: ignore[union-attr]
     assert len(joints) == len(links) - 1
-    assert tuple(links) == FRAMES
-    for parent, child in pairwise(FRAMES):
+    lower, upper = (joint.get("name") for joint in joints.values() if joint.get("type") == "revolute")
+    frames = (BASE, f"{lower}_link", f"{upper}_link", BEAM)
+    assert tuple(links) == frames
+    for parent, child in pairwise(frames):
         assert joints[parent].find("child").get("link") == child  # type: ignore[union-attr]
-    return [joints[parent] for parent in FRAMES[:-1]]
+    return [joints[parent] for parent in frames[:-1]]
 
 
 def rotation(text: str, position: dict[str, float]) -> np.ndarray:
@@ -67,13 +70,17 @@ def rotation(text: str, position: dict[str, float]) -> np.ndarray:
 
 @pytest.mark.parametrize("name", shipped_stations())
 def test_the_beam_looks_where_the_joint_states_say_also_over_the_top(name: str, random: np.random.Generator) -> None:
-    text = urdf(read_station(name))
+    station = read_station(name)
+    text, mount = urdf(station), kinematics_of(station.content)
+    axes = mount.axes
     limits = {str(joint.get("name")): joint.find("limit") for joint in joints_of(text)}
-    travel = {axis: (float(limits[axis].get("lower")), float(limits[axis].get("upper"))) for axis in AXES}  # type: ignore
+    travel = {axis: (float(limits[axis].get("lower")), float(limits[axis].get("upper"))) for axis in axes}  # type: ignore
     for share in random.uniform(size=(200, 2)):
         angles = [low + each * (high - low) for each, (low, high) in zip(share, travel.values(), strict=True)]
-        turn = rotation(text, dict(zip(AXES, angles, strict=True)))
-        assert np.allclose(turn[:, 0], unit_vector_from_azel(*angles), atol=1e-10)
+        turn = rotation(text, dict(zip(axes, angles, strict=True)))
+        assert np.allclose(turn[:, 0], unit_vector_from_azel(*angles) @ mount.matrix.T, atol=1e-10)
+        if not mount.level:
+            continue
         # y of the beam is level and to its left, so a beam over the top is upside down and not mirrored.
         assert np.allclose(turn[:, 1], [-math.cos(angles[0]), math.sin(angles[0]), 0.0], atol=1e-10)
     if name in ("leo_3m7", "vhf_uhf_yagi"):
@@ -84,12 +91,10 @@ def test_the_beam_looks_where_the_joint_states_say_also_over_the_top(name: str, 
 def test_limits_are_those_of_the_description(name: str) -> None:
     station = read_station(name)
     plant = station.parameters("antenna_servo")
-    for joint in joints_of(urdf(station))[:2]:
-        axis = str(joint.get("name"))
+    for joint, axis, section in zip(joints_of(urdf(station)), AXES, station.content.mount.pair, strict=False):
         limit, soft = joint.find("limit"), joint.find("safety_controller")
         assert limit is not None
         assert soft is not None
-        section = getattr(station.content.mount, axis)
         wanted = {
             "lower": plant[f"plant.{axis}.travel_min_deg"],
             "upper": plant[f"plant.{axis}.travel_max_deg"],
@@ -120,16 +125,16 @@ def shapes(name: str) -> dict[str, list[tuple[str, list[float]]]]:
 @pytest.mark.parametrize("name", shipped_stations())
 def test_shapes_lie_on_the_axis_that_turns_them_and_touch_each_other(name: str) -> None:
     """The pedestal is upright below the axes; dish or boom lie along x of the elevation link, the beam."""
-    found = shapes(name)
+    found, (lower, upper) = shapes(name), read_station(name).content.mount.kind.axes
     (kind, (_, length, *centre, roll, pitch, yaw)) = found["base_link"][0]
     assert (kind, centre[:2], roll, pitch, yaw) == ("cylinder", [0.0, 0.0], 0.0, 0.0, 0.0)
     top = centre[2] + 0.5 * length
     assert -0.1 < top < 0.0, "it ends below the axes, in the box that turns with the azimuth"
-    (_, (_, _, height, *middle, _, _, _)) = found["azimuth_link"][0]
+    (_, (_, _, height, *middle, _, _, _)) = found[f"{lower}_link"][0]
     assert middle[2] - 0.5 * height < top + 1e-9
     assert middle[2] + 0.5 * height >= 0.0
     spans = []
-    for kind, row in found["elevation_link"]:
+    for kind, row in found[f"{upper}_link"]:
         *measures, x, y, z, roll, pitch, yaw = row
         assert (y, z, roll, yaw) == (0.0, 0.0, 0.0, 0.0)
         assert pitch == pytest.approx(0.5 * math.pi if kind == "cylinder" else 0.0)
@@ -143,7 +148,7 @@ def test_shapes_lie_on_the_axis_that_turns_them_and_touch_each_other(name: str) 
         assert begin <= end + 1e-9
         end = max(end, far)
     if read_station(name).content.dish:
-        assert max(row[0] for kind, row in found["elevation_link"] if kind == "cylinder") == pytest.approx(0.5)
+        assert max(row[0] for kind, row in found[f"{upper}_link"] if kind == "cylinder") == pytest.approx(0.5)
 
 
 UPRIGHT, ALONG_X = [0.0, 0.0, 0.0], [0.0, 0.5 * math.pi, 0.0]
@@ -165,8 +170,8 @@ def test_masses_moments_and_efforts_are_those_of_the_simulated_plant(name: str) 
             {"ixx": 2.0 * wanted, "iyy": wanted, "izz": wanted, "ixy": 0.0, "ixz": 0.0, "iyz": 0.0}, rel=1e-9
         )
         assert body.find("origin").attrib == {"xyz": "0 0 0", "rpy": "0 0 0"}  # type: ignore[union-attr]
-    for joint, inertia in zip(joints_of(text)[:2], (whole, upper), strict=True):
-        bend = math.radians(plant[f"plant.{joint.get('name')}.acceleration_limit_deg_s2"])
+    for joint, axis, inertia in zip(joints_of(text), AXES, (whole, upper), strict=False):
+        bend = math.radians(plant[f"plant.{axis}.acceleration_limit_deg_s2"])
         assert float(str(joint.find("limit").get("effort"))) == pytest.approx(inertia * bend, rel=1e-9)  # type: ignore
 
 
