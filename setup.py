@@ -55,6 +55,7 @@ EXECUTABLES = {
         "replay",
         "report",
         "scan",
+        "simulate",
         "station",
         "track",
         "tune",

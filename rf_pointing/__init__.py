@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from rf_pointing.api.calibration import Fit, fit
     from rf_pointing.api.clock import ClockCheck, check_clock
+    from rf_pointing.api.ensemble import Ensemble, ensemble
     from rf_pointing.api.ledger import budget, ledger
     from rf_pointing.api.network import NetworkPlan, plan_network
     from rf_pointing.api.orbit_study import OrbitCovariance, orbit_covariance
@@ -31,6 +32,7 @@ _HOMES = {
     "BiasModel": "calibration.bias_model",
     "ClockCheck": "api.clock",
     "DeterminedOrbit": "api.orbits",
+    "Ensemble": "api.ensemble",
     "Fit": "api.calibration",
     "Ledger": "report.error_ledger",
     "Look": "api.passes",
@@ -51,6 +53,7 @@ _HOMES = {
     "catalogue": "api.target",
     "check_clock": "api.clock",
     "elements": "api.target",
+    "ensemble": "api.ensemble",
     "fit": "api.calibration",
     "ledger": "api.ledger",
     "orbit_covariance": "api.orbit_study",
@@ -62,10 +65,10 @@ _HOMES = {
 }
 """Every public name, and the module that it is loaded from."""
 __all__ = [
-    "BiasModel", "ClockCheck", "DeterminedOrbit", "Fit", "Ledger", "Look", "ModelVersion",
+    "BiasModel", "ClockCheck", "DeterminedOrbit", "Ensemble", "Fit", "Ledger", "Look", "ModelVersion",
     "NetworkPlan", "Observations", "OrbitCovariance", "PassCertificate", "Plan", "Recording",
     "Replay", "SimulatedPass", "Station", "StationPass", "Target", "Tuning", "budget", "catalogue",
-    "check_clock", "elements", "fit", "ledger", "orbit_covariance", "orbit_from_passes",
+    "check_clock", "elements", "ensemble", "fit", "ledger", "orbit_covariance", "orbit_from_passes",
     "plan_network", "read_model", "replay", "tune",
 ]  # fmt: skip
 

@@ -35,10 +35,13 @@ GROUPS = {
     "A network of stations": ("plan_network", "NetworkPlan"),
     "Orbits": ("orbit_from_passes", "DeterminedOrbit", "orbit_covariance", "OrbitCovariance"),
     "Loops": ("tune", "Tuning"),
+    "Studies": ("ensemble", "Ensemble"),
     "Recordings and calibration": (
         "Recording",
         "replay",
         "Replay",
+        "check_clock",
+        "ClockCheck",
         "ledger",
         "budget",
         "Ledger",
