@@ -55,7 +55,7 @@ _LATE_S, _SCATTER_S, _LEAST_LATE_S = (
 # -ln of the probability that some passes are late.
 _MOST_GROUPS, _GROUP_COST, _ALONE = 5, 2.0, 2
 # Sigma beyond the lateness that is named in half of the campaigns: 95 of 100.
-_NAMED_SIGMA = 2.0
+_NAMED_SIGMA = 3.0
 # Chi-square by which an explanation is better than by chance in a hundred fits.
 _LIKELY = 12.0
 # What two acceleration lags may leave of chi-square for one clock; imaginary part of a real root.
@@ -457,7 +457,7 @@ class _Lateness:
         scatter = np.array(list(product(_SCATTER_S, (0.0, *_SCATTER_S[2::4]))))[..., np.newaxis]
         every = np.stack([np.eye(len(late)), together])
         total = covariance + np.tensordot(scatter[..., 0] ** 2, every, axes=1)
-        return cls(late, np.linalg.inv(total), np.linalg.slogdet(total)[1])
+        return cls(late, np.asarray(np.linalg.inv(total)), np.linalg.slogdet(total)[1])
 
     def of_groups(self, labels: Places) -> float:
         """Return that of groups which are each late by any time, less what choosing them costs."""
@@ -472,7 +472,9 @@ class _Lateness:
         right: Any = seen @ group
         for late_s in _LATE_S:
             own = group.T @ self.inverse @ group + late_s**-2.0 * np.eye(len(sizes))
-            gain = np.einsum("si,si->s", right, np.linalg.solve(own, right[..., np.newaxis])[..., 0])
+            gain = np.einsum(
+                "si,si->s", right, np.linalg.solve(own, right[..., np.newaxis])[..., 0]
+            )
             size = np.linalg.slogdet(own)[1] + 2.0 * len(sizes) * math.log(late_s)
             best.append(np.min(misfit - gain + size))
         return -0.5 * float(min(best)) - cost

@@ -113,8 +113,9 @@ def test_an_antenna_200_m_from_its_site_is_found(campaign_with):
 def test_one_late_pass_is_named_and_the_others_are_not(campaign_with):
     passes = campaign_with(lambda k, raw, reference: (replace(raw, t_s=raw.t_s + 0.5 * (k == 6)), reference))
     fit, points = fitted(passes, TIMED)
-    found, undecided, _ = systematic_errors.late_passes(fit, points)
+    found, undecided, least_s = systematic_errors.late_passes(fit, points)
     assert undecided is None
+    assert 0.05 < least_s < 0.2
     assert list(found) == [6]
     assert found[6].size == pytest.approx(0.5, rel=0.1)
     assert "late where the others are within" in found[6].text
