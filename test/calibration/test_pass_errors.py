@@ -217,7 +217,8 @@ def test_one_error_of_the_elements_turns_into_that_of_each_pass(inclination_deg)
     given = replace(find_elements(verification_elements(), "28057"), eccentricity=0.002,
                     inclination_rad=np.radians(inclination_deg))  # fmt: skip
     changed = replace(given, mean_anomaly_rad=given.mean_anomaly_rad + 4e-5, eccentricity=0.00203,
-                      inclination_rad=given.inclination_rad + 4e-5, ascending_node_rad=given.ascending_node_rad + 1.2e-5)  # fmt: skip
+                      inclination_rad=given.inclination_rad + 4e-5,
+                      ascending_node_rad=given.ascending_node_rad + 1.2e-5)  # fmt: skip
     tracks = [TopocentricTrack(one, place, refraction=None, light_time="none") for one in (given, changed)]
     parts, shifts = [], []
     for number, one in enumerate(find_passes(tracks[0], given.epoch_t_s, 2.0 * 86400.0, np.radians(15.0))):
