@@ -30,6 +30,10 @@ _EARTH_RATE_RAD_S = 7.2921e-5
 _GRAVITY_M3_S2 = 3.986004418e14
 # Angular rate of a revolution in 105 min.
 LOW_ORBIT_RATE_RAD_S = 1e-3
+_OF_ELEMENTS = (
+    "along_track_m", "cross_track_m", "radial_m", "cross_track_drift_m_s", "radial_drift_m_s",
+)  # fmt: skip
+_OBLATENESS, _EQUATOR_M = 1.0826e-3, 6.378e6
 _TURN_PER_STEP_RAD = 0.05
 
 
@@ -148,23 +152,46 @@ class Sharing:
         position = sight.geocentric_m
         velocity = sight.velocity_m_s + np.cross(_EARTH_RATE_RAD_S * pole, position)
         normal = np.cross(position, velocity)
+        normal /= np.linalg.norm(normal, axis=1, keepdims=True)
         node = np.cross(pole, normal)
         phase = np.arctan2(
-            np.einsum("ij,ij->i", position, np.cross(normal, node))
-            / np.linalg.norm(normal, axis=1),
+            np.einsum("ij,ij->i", position, np.cross(normal, node)),
             np.einsum("ij,ij->i", position, node),
         )
-        middle = (middles_of_passes(data) - data.t_s)[first]
+        middle_s = middles_of_passes(data)[first]
         rate = sight.orbit_rate_rad_s[first]
+        phase = phase[first] + rate * (middle_s - data.t_s[first])
+        # The oblate Earth turns the perigee, and a plane that is tilted wrongly ever farther off:
+        # in three days 300 m of it become 100 m along the track.
+        cosine = normal[first] @ pole
+        sine = np.sqrt(1.0 - cosine**2)
+        radius_m = np.linalg.norm(position[first], axis=1)
+        turned = 1.5 * _OBLATENESS * (_EQUATOR_M / radius_m) ** 2 * rate
+        turned *= middle_s - np.mean(middle_s)
+        phases = {"cross_track_m": phase, "radial_m": phase - turned * (2.5 * cosine**2 - 0.5)}
         own = shared.priors.names
         turns = np.tile(np.eye(len(own)), (len(numbers), 1, 1))
-        cosine, sine = np.cos(phase[first] + rate * middle), np.sin(phase[first] + rate * middle)
-        for place, name in enumerate(own):
+        for name, angle in phases.items():
             drift = f"{name.removesuffix('_m')}_drift_m_s"
-            if name in ("cross_track_m", "radial_m") and drift in own:
-                other = own.index(drift)
-                turns[:, place, place] = turns[:, other, other] = cosine
-                turns[:, place, other], turns[:, other, place] = sine / rate, -sine * rate
+            if name in own and drift in own:
+                place, other = own.index(name), own.index(drift)
+                turns[:, place, place] = turns[:, other, other] = np.cos(angle)
+                turns[:, place, other] = np.sin(angle) / rate
+                turns[:, other, place] = -np.sin(angle) * rate
+        if set(own) == set(_OF_ELEMENTS):
+            along, across, up, tilt, climb = map(own.index, _OF_ELEMENTS)
+            turns[:, :, tilt] -= (turned * sine**2 / rate)[:, np.newaxis] * turns[:, :, across]
+            turns[:, along, tilt] -= 4.0 * turned * cosine * sine / rate
+            # Errors along the orbit have a part across the track that the ground sees, by 4 deg.
+            seen, east = np.tile(np.eye(len(own)), (len(numbers), 1, 1)), _EARTH_RATE_RAD_S * sine
+            east /= 1.0 - _EARTH_RATE_RAD_S * cosine / rate
+            seen[:, along, across] = east * np.cos(phase) / rate
+            seen[:, across, along] = -seen[:, along, across]
+            seen[:, across, climb] = 2.0 * seen[:, across, along] / rate
+            seen[:, tilt, along] = east * np.sin(phase)
+            seen[:, tilt, climb] = 2.0 * seen[:, tilt, along] / rate
+            seen[:, tilt, up] = -2.0 * rate * seen[:, across, along]
+            turns = seen @ turns
         return cls(np.unique(names, return_inverse=True)[1].astype(np.int64), turns)
 
 

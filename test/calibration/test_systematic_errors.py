@@ -66,7 +66,7 @@ def test_a_right_campaign_is_not_suspected(campaign_with):
     assert systematic_errors.clock_by_ranges(passes) is None
     assert systematic_errors.wrong_north(points, 0.0) is None
     assert systematic_errors.north_doubt(fit, 0.0) is None
-    assert systematic_errors.late_passes(fitted_points(points, TIMED), points) == ({}, None)
+    assert systematic_errors.late_passes(fitted_points(points, TIMED), points)[:2] == ({}, None)
 
 
 @pytest.mark.parametrize(("kind", "expected"), [("twice", 1.0), ("removed", -1.0)])
@@ -113,8 +113,9 @@ def test_an_antenna_200_m_from_its_site_is_found(campaign_with):
 def test_one_late_pass_is_named_and_the_others_are_not(campaign_with):
     passes = campaign_with(lambda k, raw, reference: (replace(raw, t_s=raw.t_s + 0.5 * (k == 6)), reference))
     fit, points = fitted(passes, TIMED)
-    found, undecided = systematic_errors.late_passes(fit, points)
+    found, undecided, least_s = systematic_errors.late_passes(fit, points)
     assert undecided is None
+    assert 0.05 < least_s < 0.2
     assert list(found) == [6]
     assert found[6].size == pytest.approx(0.5, rel=0.1)
     assert "late where the others are within" in found[6].text
@@ -123,7 +124,7 @@ def test_one_late_pass_is_named_and_the_others_are_not(campaign_with):
 @pytest.mark.parametrize(("which", "late_s"), [((1, 4, 7), 0.5), ((0, 2, 5, 8), 0.2), ((0, 2, 4, 6, 8), 0.5)])
 def test_any_minority_of_late_passes_is_named_and_half_of_them_is_no_minority(campaign_with, which, late_s):
     passes = campaign_with(lambda k, raw, reference: (replace(raw, t_s=raw.t_s + late_s * (k in which)), reference))
-    found, undecided = systematic_errors.late_passes(*fitted(passes, TIMED))
+    found, undecided, _ = systematic_errors.late_passes(*fitted(passes, TIMED))
     if len(which) < 5:
         assert undecided is None
         assert tuple(found) == which

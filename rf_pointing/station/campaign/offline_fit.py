@@ -128,7 +128,8 @@ class Fitted:
     """A fit, its points, the reports of the pipeline, what was left out, and what is doubtful.
 
     `full` is the fit of all terms offered, None where only the chosen ones were fitted.  The data
-    do not show the terms `kept`, which the chosen ones depend on.
+    do not show the terms `kept`, which the chosen ones depend on.  Passes that are late by less
+    than `least_late_s` need not be named; 0 where their clocks were not judged.
     """
 
     result: FitResult
@@ -138,6 +139,7 @@ class Fitted:
     notes: list[str]
     warnings: list[str]
     kept: tuple[str, ...] = ()
+    least_late_s: float = 0.0
 
 
 class OfflineFit:
@@ -186,7 +188,7 @@ class OfflineFit:
         model = request.known.model if request.known else BiasModel.zero()
         known, late = PriorKnowledge(model=model, form=request.form), dict[int, SystematicError]()
         every, stages, notes = self._collected(known, late)
-        disagreement = None
+        disagreement, least_s = None, 0.0
         notes += dict.fromkeys(note for one in passes for note in one.raw.notes)
         _refuse_wrong([systematic_errors.wrong_north(every, request.convergence_rad)])
         # Points alone are fitted once, and with `select` the terms need not be separable together.
@@ -203,7 +205,7 @@ class OfflineFit:
                     # A clock of its own for each pass: only their differences count.
                     timed = systematic_errors.timed(result.pass_priors)
                     clocks = self._fit_of(every, request.terms, timed, edit_sigma=0.0)
-                    found, disagreement = systematic_errors.late_passes(clocks, every, self._sets)
+                    found, disagreement, least_s = systematic_errors.late_passes(clocks, every, self._sets)
                     late |= found
                 judged = len(late) == count
             if self._raw is None and judged:
@@ -232,7 +234,8 @@ class OfflineFit:
         full, kept = result, tuple[str, ...]()
         if request.select:
             result, kept = self._fit_of_chosen(every, full.pass_priors, full.shared, full)
-        return Fitted(result, full, every, stages, [*notes, *(one.text for one in late.values())], warnings, kept)
+        notes += [one.text for one in late.values()]
+        return Fitted(result, full, every, stages, notes, warnings, kept, least_s)
 
     def _collected(
         self, known: PriorKnowledge, out: Collection[int], late_s: float = 0.0
@@ -501,7 +504,11 @@ def _known_after(result: FitResult, before: PriorKnowledge) -> PriorKnowledge:
 
 def remarks(request: FitRequest, done: Fitted) -> list[str]:
     """Return what a reader should know of a fit: terms chosen, orbit errors, passes held out."""
-    return [*_choice_remarks(request, done), *_orbit_remarks(request, done.result), *_prediction_remarks(request, done)]
+    least = f"a pass late by less than {done.least_late_s:.2f} s may not show among the errors of the orbits"
+    return [
+        *_choice_remarks(request, done), *_orbit_remarks(request, done.result),
+        *([least] if done.least_late_s > 0.0 else []), *_prediction_remarks(request, done),
+    ]  # fmt: skip
 
 
 def _choice_remarks(request: FitRequest, done: Fitted) -> list[str]:
