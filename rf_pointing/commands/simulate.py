@@ -32,7 +32,7 @@ def arguments() -> argparse.ArgumentParser:
     add("--days", type=float, default=1.0, help="length in days (default: 1)")
     add("--trials", type=int, default=1, help="how often each pass is flown (default: 1)")
     add("--satellites", type=Path, metavar="LIST", help="list of satellites in place of --satellite")
-    add("--sensor", help="monopulse, conscan or program (default: the station's)")
+    add("--sensor", help="of the passes (default: the station's)")
     add("--workers", type=int, help="processes (default: one for each processor)")
     return parser
 
