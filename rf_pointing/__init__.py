@@ -65,8 +65,9 @@ _HOMES = {
 }
 """Every public name, and the module that it is loaded from."""
 __all__ = [
-    "BiasModel", "ClockCheck", "DeterminedOrbit", "Ensemble", "Fit", "Ledger", "Look", "ModelVersion",
-    "NetworkPlan", "Observations", "OrbitCovariance", "PassCertificate", "Plan", "Recording",
+    "BiasModel", "ClockCheck", "DeterminedOrbit", "Ensemble", "Fit", "Ledger", "Look",
+    "ModelVersion", "NetworkPlan", "Observations", "OrbitCovariance", "PassCertificate", "Plan",
+    "Recording",
     "Replay", "SimulatedPass", "Station", "StationPass", "Target", "Tuning", "budget", "catalogue",
     "check_clock", "elements", "ensemble", "fit", "ledger", "orbit_covariance", "orbit_from_passes",
     "plan_network", "read_model", "replay", "tune",

@@ -141,6 +141,7 @@ def check_clock(
         try:
             one, timed = pass_clock(bag, station=station, namespace=namespace)
         except (ValueError, OSError) as error:
+            # One recording that shows nothing must not cost the others.
             refused[str(bag)] = str(error)
             continue
         found.append(one)
@@ -228,6 +229,7 @@ def _solve(
     keys = [[(name, own.get(name, "")) for name in one.names] for one, own in both]
     known = dict.fromkeys(key for each in keys for key in each)
     places = {key: place for place, key in enumerate(known)}
+    # All unknowns are in sizes of their priors, which are the first information.
     information, right = np.eye(len(places)), np.zeros(len(places))
     for one, own in zip(passes, keys, strict=True):
         at = [places[key] for key in own]
@@ -249,6 +251,7 @@ def known_sizes(
         return
     t_s = passes[0].t_s
     tai_s = float(leap_seconds().tai_minus_utc_s(t_s))
+    # Who takes UT1 for UTC turns the Earth too far: it looks like a clock, of a low orbit mostly.
     dut1_s = abs(IersEarthOrientation().at(t_s).ut1_minus_utc_s)
     sizes: dict[str, float] = {
         "UTC from TT": tai_s + TT_MINUS_TAI_S, "UTC from TAI": tai_s,

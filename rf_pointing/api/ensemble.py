@@ -41,7 +41,8 @@ ATTEMPTS = 3
 """How often a pass is given to another process when its own has died."""
 PERCENTILES = (50.0, 90.0, 99.0)
 
-GROWTHS = [name for name in ElementUncertainty.__dataclass_fields__ if "growth" in name or "drag" in name]
+# In a trial the elements keep the age that was drawn, however long ago their epoch is.
+GROWTHS = ("along_growth_m_s", "along_drag_m_s2", "cross_growth_m_s", "radial_growth_m_s")
 
 Progress = Callable[[int, int], object]
 Row = dict[str, Any]
@@ -82,10 +83,22 @@ class Ensemble:
         """Shares (availability, refused), loss percentiles in dB, times and starts per pass."""
         flown = [row for row in self.rows if not row["refused"]]
         if not flown:
-            return {"passes": float(len(self.rows)), "refused": float(bool(self.rows)), "availability": 0.0}
+            return {
+                "passes": float(len(self.rows)),
+                "refused": float(bool(self.rows)),
+                "availability": 0.0,
+            }
         columns = {
             name: np.array([row[name] for row in flown])
-            for name in ("duration_s", "held_s", "loss_db", "rms_mdeg", "keyhole_s", "late_s", "starts")
+            for name in (
+                "duration_s",
+                "held_s",
+                "loss_db",
+                "rms_mdeg",
+                "keyhole_s",
+                "late_s",
+                "starts",
+            )
         }
         whole_s = math.fsum(row["duration_s"] for row in self.rows)
         losses = np.percentile(columns["loss_db"], PERCENTILES).tolist()
@@ -105,8 +118,11 @@ class Ensemble:
         lines = [f"{self.station}, {self.sensor}: {len(self.rows)} of {self.planned} passes"]
         words = {
             "refused": ("refused by certificate or wind", 100.0, "%"),
-            "availability": ("target within the half-power beam", 100.0, "% of the time above the mask"),
-            **{f"loss_{each:g}_db": (f"pointing loss, {each:g} % of the passes below", 1.0, "dB") for each in PERCENTILES},
+            "availability": ("target within the half-power beam", 100.0, "% above the mask"),
+            **{
+                f"loss_{each:g}_db": (f"pointing loss, {each:g} % of the passes below", 1.0, "dB")
+                for each in PERCENTILES
+            },
             "rms_mdeg": ("pointing error while tracking", 1.0, "mdeg rms"),
             "keyhole_s": ("lost at the zenith", 1.0, "s a pass"),
             "late_s": ("slew later than the rise", 1.0, "s a pass"),
@@ -170,26 +186,33 @@ def ensemble(
     if not targets:
         raise ValueError("targets: give at least one satellite")
     if bodies := [each.name for each in targets if not isinstance(each.found, Elements)]:
-        raise ValueError(f"targets: an ensemble draws the errors of elements; without any are {', '.join(bodies)}")
+        which = f"without any are {', '.join(bodies)}"
+        raise ValueError(f"targets: an ensemble draws the errors of elements; {which}")
     chosen = station.description.chosen_sensor(sensor, station.band)
     begin_s = time_s("start", start, start_t_s)
     begin_s = max(each.first_t_s for each in targets) if begin_s is None else begin_s
     changes = changes or {}
     setup = StationSetup(station.description, station.band, changes=changes, model=station.model)
-    wind, law = setup.sets("antenna_servo")["wind"], setup.sets("ephemeris_publisher")["uncertainty"]
+    wind, law = (
+        setup.sets("antenna_servo")["wind"],
+        setup.sets("ephemeris_publisher")["uncertainty"],
+    )
+    span, least_rad = (begin_s, span_s(None, days)), math.radians(min_peak_deg)
     passes = [
         _trial(target, window, k, seed, wind.mean_speed_m_s, law)
         for target in targets
-        for window in _passes(station, target, begin_s, span_s(None, days), math.radians(min_peak_deg))
+        for window in _passes(station, target, *span, least_rad)
         for k in range(trials)
     ]
     if not passes:
-        raise ValueError(f"no pass of {', '.join(each.name for each in targets)} within {days:g} days")
+        names = ", ".join(each.name for each in targets)
+        raise ValueError(f"no pass of {names} within {days:g} days")
     what = {
-        "station": station.name, "band": station.band, "sensor": chosen, "seed": seed, "trials": trials,
-        "passes": len(passes), "of": _digest(station, passes, changes),
+        "station": station.name, "band": station.band, "sensor": chosen, "seed": seed,
+        "trials": trials, "passes": len(passes), "of": _digest(station, passes, changes),
     }  # fmt: skip
     kept = _Rows(None if output is None else Path(output), what)
+    # In the order of the passes: an ensemble that is interrupted covers its first days.
     missing = [each for each in passes if each.key not in kept.rows]
     fly_one = partial(fly, station, chosen, changes, law)
     try:
@@ -238,6 +261,7 @@ def _flown(fly_one: Callable[[Trial], Row], trials: Sequence[Trial], workers: in
     """Yield the rows of passes as they are done; those of a process that dies are flown again."""
     waiting, tries = list(range(len(trials))), [0] * len(trials)
     while waiting:
+        # Not forked: a thread of a library may hold a lock at that moment.
         with ProcessPoolExecutor(min(workers, len(waiting)), get_context("spawn")) as pool:
             running: dict[Future[Row], int] = {pool.submit(fly_one, trials[k]): k for k in waiting}
             waiting = []
@@ -248,30 +272,38 @@ def _flown(fly_one: Callable[[Trial], Row], trials: Sequence[Trial], workers: in
                         try:
                             yield done.result()
                         except BrokenProcessPool:
+                            # One that dies ends its pool: a new one gets all that was not done.
                             tries[k] += 1
                             if tries[k] >= ATTEMPTS:
                                 raise
                             waiting.append(k)
             except BaseException:
+                # Ctrl-C must not wait for passes that have not begun.
                 pool.shutdown(wait=False, cancel_futures=True)
                 raise
 
 
 def fly(
-    station: Station, sensor: str, changes: Mapping[str, Mapping[str, object]], law: ElementUncertainty, one: Trial
+    station: Station, sensor: str, changes: Mapping[str, Mapping[str, object]],
+    law: ElementUncertainty, one: Trial,
 ) -> Row:  # fmt: skip
     """Return the row of a pass; runs in a process of its own."""
     window = one.window
     row = {
-        "pass": one.key, "satellite": one.target.name, "aos_utc": utc_text(window.aos_t_s), "trial": one.trial,
-        "peak_elevation_deg": math.degrees(window.peak_elevation_rad), "duration_s": window.duration_s,
+        "pass": one.key, "satellite": one.target.name, "aos_utc": utc_text(window.aos_t_s),
+        "trial": one.trial, "peak_elevation_deg": math.degrees(window.peak_elevation_rad),
+        "duration_s": window.duration_s,
         **one.draw.values(), "refused": "",
     }  # fmt: skip
     # Years from their epoch elements do not say where a satellite is, but still how it passes.
     sizes = zip(("along_m", "cross_m", "radial_m"), law.sigmas_m(one.age_s), strict=True)
-    known = {f"uncertainty.{name}": 0.0 for name in GROWTHS} | {f"uncertainty.{n}": m for n, m in sizes}
+    known = {f"uncertainty.{name}": 0.0 for name in GROWTHS}
+    known |= {f"uncertainty.{name}": size_m for name, size_m in sizes}
     old = {"source.max_age_days": MOST_DAYS}
-    over: dict[str, dict[str, object]] = {"ephemeris_publisher": {**known, **old}, "rf_receiver": dict(old)}
+    over: dict[str, dict[str, object]] = {
+        "ephemeris_publisher": {**known, **old},
+        "rf_receiver": dict(old),
+    }
     for values in (one.draw.changes, changes):
         for node, each in values.items():
             over[node] = over.get(node, {}) | dict(each)
@@ -281,9 +313,10 @@ def fly(
         if topic == "antenna_status":
             starts[0] = int(np.sum(signal.starts))
 
-    setup = station.setup(StationPass.of_window(window, one.target, station, window.aos_t_s), one.draw.seed, over)
+    own = StationPass.of_window(window, one.target, station, window.aos_t_s)
+    setup, start_s = station.setup(own, one.draw.seed, over), math.floor(window.aos_t_s) - BEFORE_S
     try:
-        log = simulate_pass(setup, window, math.floor(window.aos_t_s) - BEFORE_S, sensor, on_signal=take)
+        log = simulate_pass(setup, window, start_s, sensor, on_signal=take)
     except ValueError as error:
         # No branch works: the certificate says why.
         return row | {"refused": str(error)}
@@ -298,8 +331,8 @@ def fly(
     return row | {
         "held_s": outcome.tracked_s, "loss_db": outcome.mean_loss_db,
         "rms_mdeg": float(np.sqrt(np.mean(held**2))) / MDEG if len(held) else 0.0,
-        "keyhole_s": branch.keyhole_s if branch else 0.0, "late_s": branch.late_s if branch else 0.0,
-        "starts": starts[0], "fault": log.fault,
+        "keyhole_s": branch.keyhole_s if branch else 0.0,
+        "late_s": branch.late_s if branch else 0.0, "starts": starts[0], "fault": log.fault,
     }  # fmt: skip
 
 
@@ -310,7 +343,9 @@ def _trial(
     return Trial(target, window, trial, Draw.of(window, trial, seed, wind_m_s, law, age_s), age_s)
 
 
-def _passes(station: Station, target: Target, begin_s: float, duration_s: float, least_rad: float) -> list[Pass]:
+def _passes(
+    station: Station, target: Target, begin_s: float, duration_s: float, least_rad: float
+) -> list[Pass]:  # fmt: skip
     track = TopocentricTrack(target.found, station.site, max_age_s=MOST_DAYS * DAY_S)
     above = station.rules.mask.above(station.lowest_rad)
     return [
@@ -324,6 +359,8 @@ def _passes(station: Station, target: Target, begin_s: float, duration_s: float,
 
 def _digest(station: Station, passes: Sequence[Trial], changes: Mapping[str, Any]) -> str:
     """Return what identifies the station and its passes, for a file that goes on."""
-    whole = hashlib.sha256(repr((station.description.content, dict(station.model.coefficients), changes)).encode())
+    # With the values and not the file: a comment in a description changes no result.
+    own = station.description.content, dict(station.model.coefficients), changes
+    whole = hashlib.sha256(repr(own).encode())
     whole.update("\n".join(each.key for each in passes).encode())
     return whole.hexdigest()[:16]

@@ -117,6 +117,7 @@ def timed_pass(case: RecordedCase) -> TimedPass:
         values, covariance, noise_rad = _solved(partials[:, alone], wanted, sigma[alone])
         place = int(np.sum(alone[:clock]))
         moved_s, total = total, total + float(values[place])
+    # Back about the prediction as it was sent: passes with other shifts are solved together.
     return TimedPass(
         names=names, partials=partials, sizes=sigma, off=wanted + partials[:, clock] * moved_s,
         noise_rad=noise_rad, ahead_s=total, sigma_s=math.sqrt(covariance[place, place]),

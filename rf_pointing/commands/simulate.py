@@ -20,18 +20,18 @@ PROGRAM = "simulate"
 
 def arguments() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
-    what = "Fly every pass of some days with wind, noise and old elements, and print what they give."
+    what = "Fly every pass of some days with wind, noise and old elements."
     parser = argparse.ArgumentParser(prog=PROGRAM, description=what)
     add_options(
         parser, "elements satellite station band start min-peak seed output",
         min_peak="only passes that rise to this elevation, in deg",
-        output={"metavar": "FILE", "help": "write a line of JSON for every pass; a file that exists goes on"},
+        output={"metavar": "FILE", "help": "keep a line of JSON for every pass, and go on"},
     )  # fmt: skip
     parser.set_defaults(min_peak_deg=0.0, seed=1)
     add = parser.add_argument
     add("--days", type=float, default=1.0, help="length in days (default: 1)")
     add("--trials", type=int, default=1, help="how often each pass is flown (default: 1)")
-    add("--satellites", type=Path, metavar="LIST", help="list of satellites in place of --satellite")
+    add("--satellites", type=Path, metavar="LIST", help="satellites in place of --satellite")
     add("--sensor", help="of the passes (default: the station's)")
     add("--workers", type=int, help="processes (default: one for each processor)")
     return parser

@@ -19,7 +19,7 @@ from rf_pointing_msgs import msg as ours
 from sensor_msgs.msg import Temperature
 from std_srvs.srv import Trigger
 
-from rf_pointing.ros import convert
+from rf_pointing.ros import convert, convert_planning
 from rf_pointing.ros.convert_calibration import model_from_message
 from rf_pointing.ros.convert_planning import profile_from_message
 from rf_pointing.ros.graph import TEMPERATURE
@@ -63,7 +63,7 @@ class PointingControllerNode(StationNode):
 
         def take_status(message: ours.AntennaStatus) -> None:
             core.take_antenna(message.mode, message.fault)
-            core.permit_sun(convert.sun_permit_from_message(message), self.band)
+            core.permit_sun(convert_planning.sun_permit_from_message(message), self.band)
 
         def take_profiles(message: ours.PassProfileList) -> None:
             core.take_profiles([profile_from_message(each) for each in message.profiles])

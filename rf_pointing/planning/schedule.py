@@ -242,10 +242,17 @@ def _overlap(one: Candidate, other: Candidate) -> str:
 
 def _why(one: Candidate, others: Sequence[Candidate]) -> str:
     highest = max(other.priority for other in others)
+    own, other = _stated(one.priority), _stated(highest)
     if highest > one.priority:
-        return f": priority {highest:g} is above {one.priority:g}"
+        lends = f": what stays up for long lends its time to passes of its priority {own}"
+        return lends if own == other else f": priority {other} is above {own}"
     peak, best = math.degrees(one.peak_rad), math.degrees(max(other.peak_rad for other in others))
     if len(others) == 1 and best >= peak:
-        return f": of equal priority {one.priority:g} the higher peak, {best:.1f} deg against {peak:.1f} deg"
+        return f": of equal priority {own} the higher peak, {best:.1f} deg against {peak:.1f} deg"
     # It peaks higher and yields all the same: it would exclude more than the one that it meets.
-    return f": of equal priority {one.priority:g} the plan with more passes, or higher ones"
+    return f": of equal priority {own} the plan with more passes, or higher ones"
+
+
+def _stated(priority: float) -> str:
+    # What stays up for long ranks half a step below the passes of its priority.
+    return f"{math.ceil(priority) if math.isfinite(priority) else priority:g}"

@@ -8,7 +8,7 @@ import math
 import re
 from array import array
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any, TypeVar, get_origin, get_type_hints
+from typing import Any, TypeVar, get_origin, get_type_hints
 
 import numpy as np
 from builtin_interfaces.msg import Time
@@ -23,9 +23,6 @@ from rf_pointing.core.constants import ZERO_CELSIUS_K
 from rf_pointing.core.mount_types import axes_among
 from rf_pointing.ros.stamps import seconds_from_stamp, stamp_from_seconds
 from rf_pointing.station.pointing.status import TrackingStatus
-
-if TYPE_CHECKING:
-    from rf_pointing.ephemeris.solar import SunPermit
 
 Signal = TypeVar("Signal")
 Message = TypeVar("Message")
@@ -76,6 +73,7 @@ def _maker(blank: Any) -> Callable[[Any], Any]:
     """Return what makes the value of a field whose initial value is `blank`."""
     if isinstance(blank, Time):
         return stamp_from_seconds
+    # Only a number that may be unknown has a default: the wire has no None.
     if isinstance(blank, float) and blank == NOT_KNOWN:
         return lambda value: NOT_KNOWN if value is None else float(value)
     # The wire has fixed arrays without shape: row-major.
@@ -98,17 +96,6 @@ boresight_to_message, boresight_from_message = pair(core.Boresight, ours.Boresig
 power_to_message, _power_from_message = pair(core.CarrierPower, ours.CarrierPower, integration_s="integration_time")
 error_to_message, _error_from_message = pair(core.PointingError, ours.PointingError)
 tracking_status_to_message, _ = pair(TrackingStatus, ours.TrackingStatus, half_power_beamwidth_rad="beamwidth")
-
-
-def sun_permit_from_message(message: ours.AntennaStatus) -> "SunPermit | None":
-    """Return who lets the beam of which band look into the Sun until when."""
-    # Imported here: a tracker reads no antenna status, and needs no ephemeris.
-    from rf_pointing.ephemeris.solar import SunPermit
-
-    until_t_s = seconds_from_stamp(message.sun_permit_until)
-    if not message.sun_permit:
-        return None
-    return SunPermit(by=message.sun_permit, band=message.sun_permit_band, until_t_s=until_t_s)
 
 
 def target_to_message(target: core.Target) -> ours.Target:

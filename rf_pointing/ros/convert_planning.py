@@ -9,6 +9,7 @@ from rf_pointing_msgs.action import Scan, TrackPass
 
 from rf_pointing.core import require_finite
 from rf_pointing.ephemeris import Pass
+from rf_pointing.ephemeris.solar import SunPermit
 from rf_pointing.operations.schedule import MOST_PASSES, Entry, ScheduledPass, require_each_once
 from rf_pointing.planning import Branch, Certificate, MachineParams, PassProfile
 from rf_pointing.ros.convert import pair
@@ -65,6 +66,14 @@ def scheduled_from_messages(messages: Sequence[ours.ScheduledPass]) -> list[Sche
             raise ValueError(f"pass {number}: {error}") from error
     require_each_once(found)
     return found
+
+
+def sun_permit_from_message(message: ours.AntennaStatus) -> SunPermit | None:
+    """Return who lets the beam of which band look into the Sun until when."""
+    until_t_s = seconds_from_stamp(message.sun_permit_until)
+    if not message.sun_permit:
+        return None
+    return SunPermit(by=message.sun_permit, band=message.sun_permit_band, until_t_s=until_t_s)
 
 
 def entry_to_message(entry: Entry) -> ours.ScheduledPass:

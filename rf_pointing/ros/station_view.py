@@ -12,7 +12,7 @@ from rf_pointing_msgs import msg as ours
 from rf_pointing import planning
 from rf_pointing.core.dates import utc_text
 from rf_pointing.operations.executor import block_text
-from rf_pointing.ros import convert, convert_planning
+from rf_pointing.ros import convert_planning
 from rf_pointing.ros.stamps import seconds_from_stamp
 from rf_pointing.station.clients.board import MOST_ROWS, degrees
 
@@ -41,7 +41,7 @@ def status_values(
 
 def sun_permitted(antenna: ours.AntennaStatus) -> str:
     """Return who lets the beam look into the Sun until when, "" for nobody."""
-    permit = convert.sun_permit_from_message(antenna)
+    permit = convert_planning.sun_permit_from_message(antenna)
     return permit.text if permit else ""
 
 

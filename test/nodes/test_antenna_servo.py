@@ -19,7 +19,7 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from rf_pointing.nodes.antenna_servo import AntennaServo
-from rf_pointing.ros import convert
+from rf_pointing.ros import convert_planning
 from rf_pointing.ros.command_key import CommandKey, CommandKeyParams
 from rf_pointing.ros.leased_services import LEASE_S, LEASED, Caller
 from rf_pointing.ros.qos import LATCHED, STREAM
@@ -457,7 +457,7 @@ def test_a_permission_for_the_sun_is_given_by_name_shown_and_withdrawn(make_benc
     answer = bench.call("~/permit_sun", PermitSun.Request(by="alice", band="X", until=until))
     assert answer.message.startswith("alice lets the X beam look into the Sun until ")
     bench.run(0.2)
-    assert convert.sun_permit_from_message(bench.sent["antenna_status"][-1]).by == "alice"
+    assert convert_planning.sun_permit_from_message(bench.sent["antenna_status"][-1]).by == "alice"
     assert bench.call("~/permit_sun", PermitSun.Request()).message == "the Sun is no longer permitted"
     bench.run(0.2)
-    assert convert.sun_permit_from_message(bench.sent["antenna_status"][-1]) is None
+    assert convert_planning.sun_permit_from_message(bench.sent["antenna_status"][-1]) is None
