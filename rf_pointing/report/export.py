@@ -41,8 +41,8 @@ They ship with the package, so that they are there without ROS.  A comment begin
 SUFFIXES = {"rad": "_rad", "rad/s": "_rad_s", "rad/s^2": "_rad_s2", "m": "_m", "m/s": "_m_s", "s": "_s", "dB": "_db",
             "dB-Hz": "_db_hz", "W": "_w", "ns": "_ns", "": ""}  # fmt: skip
 """End of the name of a column, by its unit."""
-FIELD = re.compile(r"^(\S+) (\w+) *(?:# *(.*(?:\n +#.*)*))?$", re.MULTILINE)
-"""Type, name and comment of a field of a definition."""
+FIELD = re.compile(r"^(\S+) (\w+)(?: -?[\d.]+)? *(?:# *(.*(?:\n +#.*)*))?$", re.MULTILINE)
+"""Type, name and comment of a field of a definition, with its default or without."""
 _JOINTS = {"position": ("rad", "encoder angle, continuous over all turns"), "velocity": ("rad/s", "encoder rate")}
 """JointState is a message of ROS, whose comments are not at hand without it."""
 # A row of these tables is made of the elements of a list in their messages.
