@@ -67,10 +67,9 @@ _HOMES = {
 __all__ = [
     "BiasModel", "ClockCheck", "DeterminedOrbit", "Ensemble", "Fit", "Ledger", "Look",
     "ModelVersion", "NetworkPlan", "Observations", "OrbitCovariance", "PassCertificate", "Plan",
-    "Recording",
-    "Replay", "SimulatedPass", "Station", "StationPass", "Target", "Tuning", "budget", "catalogue",
-    "check_clock", "elements", "ensemble", "fit", "ledger", "orbit_covariance", "orbit_from_passes",
-    "plan_network", "read_model", "replay", "tune",
+    "Recording", "Replay", "SimulatedPass", "Station", "StationPass", "Target", "Tuning", "budget",
+    "catalogue", "check_clock", "elements", "ensemble", "fit", "ledger", "orbit_covariance",
+    "orbit_from_passes", "plan_network", "read_model", "replay", "tune",
 ]  # fmt: skip
 
 if not TYPE_CHECKING:

@@ -56,8 +56,8 @@ class PassClock:
     hops: tuple[Latency, ...] = ()
 
     def __str__(self) -> str:
-        size = f"{1e3 * self.ahead_s:+.1f} +-{1e3 * self.sigma_s:.1f} ms ahead"
-        return f"{self.target}, {self.bag}: {size}, elements +-{1e3 * self.elements_s:.0f} ms"
+        size = f"{1e3 * self.ahead_s:+.1f} ±{1e3 * self.sigma_s:.1f} ms ahead"
+        return f"{self.target}, {self.bag}: {size}, elements ±{1e3 * self.elements_s:.0f} ms"
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ class ClockCheck:
 
     @property
     def wrong(self) -> bool:
-        """Whether the clock is off by more than elements and measurement explain."""
+        """Whether the clock is off by more than its sigma allows."""
         return abs(self.slow_s) > SIGMAS * self.sigma_s
 
     def __str__(self) -> str:
@@ -101,7 +101,7 @@ class ClockCheck:
                 yield f"{axis} follows its commands after {1e3 * float(np.nanmedian(each)):.1f} ms"
         targets = {one.target for one in self.passes}
         size = f"{1e3 * abs(self.slow_s):.1f} ms {'slow' if self.slow_s > 0.0 else 'fast'}"
-        sure = f"+-{1e3 * self.sigma_s:.1f} ms (measured +-{1e3 * self.measured_s:.1f} ms)"
+        sure = f"±{1e3 * self.sigma_s:.1f} ms (measured ±{1e3 * self.measured_s:.1f} ms)"
         verdict = "the clock is" if self.wrong else "no error of the clock is seen:"
         verdict += f" {size} {sure}"
         if not self.wrong and abs(self.slow_s) > SIGMAS * self.measured_s:

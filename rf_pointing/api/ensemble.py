@@ -9,6 +9,7 @@ import hashlib
 import json
 import math
 import os
+import signal
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
@@ -38,7 +39,7 @@ LONGEST_PASS_S = 3600.0
 RENEWED_S = DAY_S
 """Elements are renewed so often: the age of those in use, by which they are off."""
 ATTEMPTS = 3
-"""How often a pass is given to another process when its own has died."""
+"""How often in a row processes may die without that any pass is flown."""
 PERCENTILES = (50.0, 90.0, 99.0)
 
 # In a trial the elements keep the age that was drawn, however long ago their epoch is.
@@ -212,7 +213,8 @@ def ensemble(
         "trials": trials, "passes": len(passes), "of": _digest(station, passes, changes),
     }  # fmt: skip
     kept = _Rows(None if output is None else Path(output), what)
-    # In the order of the passes: an ensemble that is interrupted covers its first days.
+    # In the order of time: an ensemble that is interrupted covers its first days.
+    passes.sort(key=lambda each: (each.window.aos_t_s, each.key))
     missing = [each for each in passes if each.key not in kept.rows]
     fly_one = partial(fly, station, chosen, changes, law)
     try:
@@ -259,10 +261,12 @@ class _Rows:
 
 def _flown(fly_one: Callable[[Trial], Row], trials: Sequence[Trial], workers: int) -> Iterator[Row]:
     """Yield the rows of passes as they are done; those of a process that dies are flown again."""
-    waiting, tries = list(range(len(trials))), [0] * len(trials)
+    waiting, deaths = list(range(len(trials))), 0
     while waiting:
         # Not forked: a thread of a library may hold a lock at that moment.
-        with ProcessPoolExecutor(min(workers, len(waiting)), get_context("spawn")) as pool:
+        with ProcessPoolExecutor(
+            min(workers, len(waiting)), get_context("spawn"), _die_at_interrupt
+        ) as pool:  # fmt: skip
             running: dict[Future[Row], int] = {pool.submit(fly_one, trials[k]): k for k in waiting}
             waiting = []
             try:
@@ -270,17 +274,24 @@ def _flown(fly_one: Callable[[Trial], Row], trials: Sequence[Trial], workers: in
                     for done in wait(running, return_when=FIRST_COMPLETED).done:
                         k = running.pop(done)
                         try:
-                            yield done.result()
+                            row = done.result()
                         except BrokenProcessPool:
                             # One that dies ends its pool: a new one gets all that was not done.
-                            tries[k] += 1
-                            if tries[k] >= ATTEMPTS:
-                                raise
                             waiting.append(k)
-            except BaseException:
+                            continue
+                        deaths = 0
+                        yield row
+            finally:
                 # Ctrl-C must not wait for passes that have not begun.
                 pool.shutdown(wait=False, cancel_futures=True)
-                raise
+        deaths += bool(waiting)
+        if deaths >= ATTEMPTS:
+            raise ChildProcessError(f"processes died {deaths} times in a row without flying a pass")
+
+
+def _die_at_interrupt() -> None:
+    # The terminal sends Ctrl-C to all processes: the first one says what is kept.
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 def fly(

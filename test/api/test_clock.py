@@ -1,4 +1,4 @@
-"""The clock of a station is found in its recorded passes, and told from elements of one satellite."""
+"""The clock of a station is found in its recorded passes, next to errors of elements."""
 
 import math
 from collections.abc import Sequence
