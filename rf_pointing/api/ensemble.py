@@ -119,7 +119,7 @@ class Ensemble:
         lines = [f"{self.station}, {self.sensor}: {len(self.rows)} of {self.planned} passes"]
         words = {
             "refused": ("refused by certificate or wind", 100.0, "%"),
-            "availability": ("target within the half-power beam", 100.0, "% above the mask"),
+            "availability": ("target within the half-power beam", 100.0, "% of the time"),
             **{
                 f"loss_{each:g}_db": (f"pointing loss, {each:g} % of the passes below", 1.0, "dB")
                 for each in PERCENTILES
@@ -340,7 +340,8 @@ def fly(
     held = distance[distance <= 0.5 * width]
     branch = log.certificate.chosen if log.certificate else None
     return row | {
-        "held_s": outcome.tracked_s, "loss_db": outcome.mean_loss_db,
+        # Samples of a tenth of a second may add up to more than the pass.
+        "held_s": min(outcome.tracked_s, window.duration_s), "loss_db": outcome.mean_loss_db,
         "rms_mdeg": float(np.sqrt(np.mean(held**2))) / MDEG if len(held) else 0.0,
         "keyhole_s": branch.keyhole_s if branch else 0.0,
         "late_s": branch.late_s if branch else 0.0, "starts": starts[0], "fault": log.fault,

@@ -8,6 +8,7 @@ a band or a site.  Ctrl-C keeps what is done, and the same command goes on.  No 
 """
 
 import argparse
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -49,3 +50,6 @@ def main(argv: list[str] | None = None) -> None:
             progress=lambda done, whole: say(PROGRAM, f"{done} of {whole} passes"),
         )  # fmt: skip
         print(found)
+    if len(found.rows) < found.planned:
+        say(PROGRAM, f"interrupted after {len(found.rows)} of {found.planned} passes", "ERROR")
+        sys.exit(130)
