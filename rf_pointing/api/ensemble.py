@@ -13,7 +13,7 @@ import signal
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
@@ -89,30 +89,19 @@ class Ensemble:
                 "refused": float(bool(self.rows)),
                 "availability": 0.0,
             }
-        columns = {
-            name: np.array([row[name] for row in flown])
-            for name in (
-                "duration_s",
-                "held_s",
-                "loss_db",
-                "rms_mdeg",
-                "keyhole_s",
-                "late_s",
-                "starts",
-            )
-        }
+
+        def mean(name: str, power: int = 1) -> float:
+            return float(np.mean([row[name] ** power for row in flown]))
+
+        losses = np.percentile([row["loss_db"] for row in flown], PERCENTILES).tolist()
         whole_s = math.fsum(row["duration_s"] for row in self.rows)
-        losses = np.percentile(columns["loss_db"], PERCENTILES).tolist()
         return {
-            "passes": float(len(self.rows)),
-            "refused": 1.0 - len(flown) / len(self.rows),
-            "availability": math.fsum(columns["held_s"].tolist()) / whole_s,
+            "passes": float(len(self.rows)), "refused": 1.0 - len(flown) / len(self.rows),
+            "availability": math.fsum(row["held_s"] for row in flown) / whole_s,
             **{f"loss_{each:g}_db": loss for each, loss in zip(PERCENTILES, losses, strict=True)},
-            "rms_mdeg": float(np.sqrt(np.mean(columns["rms_mdeg"] ** 2))),
-            "keyhole_s": float(np.mean(columns["keyhole_s"])),
-            "late_s": float(np.mean(columns["late_s"])),
-            "motor_starts": float(np.mean(columns["starts"])),
-        }
+            "rms_mdeg": math.sqrt(mean("rms_mdeg", 2)), "keyhole_s": mean("keyhole_s"),
+            "late_s": mean("late_s"), "motor_starts": mean("starts"),
+        }  # fmt: skip
 
     def __str__(self) -> str:
         found = self.summary
@@ -125,7 +114,7 @@ class Ensemble:
                 for each in PERCENTILES
             },
             "rms_mdeg": ("pointing error while tracking", 1.0, "mdeg rms"),
-            "keyhole_s": ("lost at the zenith", 1.0, "s a pass"),
+            "keyhole_s": ("lost in keyholes", 1.0, "s a pass"),
             "late_s": ("slew later than the rise", 1.0, "s a pass"),
             "motor_starts": ("starts of both motors of a rotator", 1.0, "a pass"),
         }  # fmt: skip
@@ -304,7 +293,7 @@ def fly(
         "pass": one.key, "satellite": one.target.name, "aos_utc": utc_text(window.aos_t_s),
         "trial": one.trial, "peak_elevation_deg": math.degrees(window.peak_elevation_rad),
         "duration_s": window.duration_s,
-        **one.draw.values(), "refused": "",
+        **asdict(one.draw), "refused": "",
     }  # fmt: skip
     # Years from their epoch elements do not say where a satellite is, but still how it passes.
     sizes = zip(("along_m", "cross_m", "radial_m"), law.sigmas_m(one.age_s), strict=True)

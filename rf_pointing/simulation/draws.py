@@ -8,8 +8,10 @@ same whoever flies it, alone or among thousands.
 """
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
+
+import numpy as np
 
 from rf_pointing.core import random_stream
 from rf_pointing.ephemeris import ElementUncertainty, Pass
@@ -53,8 +55,8 @@ class Draw:
             seed=int(random.integers(2**31 - 1)),
             wind_m_s=min(mean_wind_m_s * RAYLEIGH_OF_MEAN * float(rayleigh), STRONGEST_M_S),
             wind_from_rad=math.pi * (2.0 * float(turn) - 1.0),
-            along_track_s=_within(along_m / ORBIT_SPEED_M_S * float(along), LARGEST_S),
-            cross_track_rad=_within(cross_m / reach * float(across), LARGEST_RAD),
+            along_track_s=float(np.clip(along_m / ORBIT_SPEED_M_S * along, -LARGEST_S, LARGEST_S)),
+            cross_track_rad=float(np.clip(cross_m / reach * across, -LARGEST_RAD, LARGEST_RAD)),
         )
 
     @property
@@ -70,11 +72,3 @@ class Draw:
                 "source.cross_track_offset_deg": math.degrees(self.cross_track_rad),
             },
         }
-
-    def values(self) -> dict[str, float]:
-        """Return the numbers by name."""
-        return asdict(self)
-
-
-def _within(value: float, most: float) -> float:
-    return max(-most, min(value, most))
