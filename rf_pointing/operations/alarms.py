@@ -163,6 +163,7 @@ class AlarmBook:
         for alarm in known:
             alarm.acknowledged, alarm.count = True, 0
             self.history.append((t_s, "acknowledged", alarm.name, alarm.level, alarm.message))
+            self._tell(alarm, t_s)
         return [alarm.name for alarm in known]
 
     def _tell(self, alarm: Alarm, t_s: float) -> None:
