@@ -8,17 +8,19 @@ One least-squares solution with priors takes all passes:
           + terms of the model + scale of the refraction (of all)
 
 Satellites that scatter by more than their elements should make the sigma larger (Birge ratio).
-Passes of one satellite do not separate the clock from its elements.
+Passes of one satellite do not separate the clock from its elements, and no passes separate it from
+a mount that follows late in both axes: lags that its model does not have are in the sigma.
 """
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
 
-from rf_pointing.api.misprediction import CLOCK_S, TimedPass, timed_pass
+from rf_pointing.api.misprediction import CLOCK_S, LIKE_A_CLOCK, TimedPass, timed_pass
 from rf_pointing.core import AXES
 from rf_pointing.ephemeris.earth_orientation import IersEarthOrientation
 from rf_pointing.ephemeris.time_scales import TAI_MINUS_GPS_S, TT_MINUS_TAI_S, leap_seconds
@@ -33,6 +35,7 @@ SIGMAS = 3.0
 """A clock is wrong, and its size is named, by so many sigma."""
 SAMPLED = ("joint_states", "target", "pointing_error", "carrier_power")
 """Streams of which a whole sample may be counted wrong."""
+OF_PASS = ("cross_track_m", "radial_m", "cross_track_drift_m_s", "radial_drift_m_s")
 LEAST_RATE_RAD_S = math.radians(0.01)
 """Slower axes do not show how late they are."""
 
@@ -65,8 +68,9 @@ class ClockCheck:
     """The clock of a station by its passes; `print` shows it.
 
     `slow_s` is by how much the clock is slow (its stamps are too early), NaN without a pass;
-    `sigma_s` holds the errors of the elements, `measured_s` only what was measured.  `known_sizes`
-    name what has this size, `refused` the recordings of which nothing could be concluded.
+    `sigma_s` holds the errors of elements and lags of the mount, `measured_s` is without.
+    `known_sizes` name what has this size, `refused` the recordings of which nothing could be
+    concluded.
     """
 
     slow_s: float
@@ -89,12 +93,10 @@ class ClockCheck:
         yield from (f"not used: {bag}: {why}" for bag, why in self.refused.items())
         if not self.passes:
             return
-        rows = [hop for one in self.passes[:1] for hop in one.hops if hop.median_ms is not None]
-        if rows:
-            yield "median of a hop, and what 99 % stay below:"
-            for hop in rows:
-                times = f"{hop.median_ms:.1f} ms, {hop.p99_ms:.1f} ms"
-                yield f"  {hop.cause} -> {hop.effect}: {times}"
+        for hop in self.passes[0].hops:
+            if hop.median_ms is not None:
+                times = f"{hop.median_ms:.1f} ms, 99 % within {hop.p99_ms:.1f} ms"
+                yield f"{hop.cause} -> {hop.effect}: {times}"
         late = zip(AXES, np.transpose([one.axes_s for one in self.passes]).tolist(), strict=True)
         for axis, each in late:
             if np.any(np.isfinite(each)):
@@ -102,10 +104,10 @@ class ClockCheck:
         targets = {one.target for one in self.passes}
         size = f"{1e3 * abs(self.slow_s):.1f} ms {'slow' if self.slow_s > 0.0 else 'fast'}"
         sure = f"±{1e3 * self.sigma_s:.1f} ms (measured ±{1e3 * self.measured_s:.1f} ms)"
-        verdict = "the clock is" if self.wrong else "no error of the clock is seen:"
-        verdict += f" {size} {sure}"
+        words = "the clock is" if self.wrong else "no error of the clock is seen:"
+        verdict = f"{words} {size} {sure}"
         if not self.wrong and abs(self.slow_s) > SIGMAS * self.measured_s:
-            verdict += "; the elements may be off by as much"
+            verdict += "; elements and lags of the mount may be off by as much"
             verdict += ": another satellite tells" if len(targets) == 1 else ""
         yield verdict
         yield from (f"  as large as {each}" for each in self.known_sizes)
@@ -161,15 +163,13 @@ def pass_clock(
     recorded = read_pass(bag, namespace)
     case = RecordedCase(Path(bag), recorded, station)
     timed = timed_pass(case)
-    known = [each.uncertainty for each in case.signals.of("target") if each.uncertainty is not None]
+    known = [each.uncertainty for each in case.signals.of("target") if each.uncertainty]
     times = {name: np.unique([each.t_s for each in case.signals.of(name)]) for name in SAMPLED}
     clock = PassClock(
         bag=str(bag), target=case.window.name, t_s=case.window.tca_t_s, ahead_s=timed.ahead_s,
         sigma_s=timed.sigma_s, elements_s=known[-1].along_track_s if known else 0.0,
         axes_s=_axes_s(case),
-        periods_s={
-            name: float(np.median(np.diff(t_s))) for name, t_s in times.items() if len(t_s) > 1
-        },
+        periods_s={n: float(np.median(np.diff(t_s))) for n, t_s in times.items() if len(t_s) > 1},
         hops=tuple(latencies(recorded.recording)),
     )  # fmt: skip
     return clock, timed
@@ -177,8 +177,8 @@ def pass_clock(
 
 def _axes_s(case: RecordedCase) -> tuple[float, ...]:
     """Return by how much each axis is later at its commanded positions than commanded."""
-    statuses, joints = case.signals.of("tracking_status"), case.signals.of("joint_states")
-    statuses = [each for each in statuses if each.mode in tracking_modes()]
+    statuses = [s for s in case.signals.of("tracking_status") if s.mode in tracking_modes()]
+    joints = case.signals.of("joint_states")
     commands = [each for _, each in case.signals.of("joint_trajectory")]
     if not statuses or len(commands) < 2:
         return (math.nan,) * len(AXES)
@@ -190,26 +190,24 @@ def _axes_s(case: RecordedCase) -> tuple[float, ...]:
     for axis in range(len(AXES)):
         rows = inside & (np.abs(rate[:, axis]) > LEAST_RATE_RAD_S)
         there = np.interp(t_s, [each.t_s for each in joints], measured[:, axis])
-        behind = position[:, axis] - there
-        lags = behind[rows] / rate[rows, axis]
+        lags = (position[:, axis] - there)[rows] / rate[rows, axis]
         found.append(float(np.median(lags)) if len(lags) else math.nan)
     return tuple(found)
 
 
 def common_s(passes: Sequence[TimedPass], targets: Sequence[str]) -> tuple[float, float, float]:
-    """Return by what the clock is slow, one sigma, and that on perfect elements, in s.
+    """Return by what the clock is slow, one sigma, and that with perfect elements and mount, in s.
 
     `targets` name the satellite of each pass; NaN without a pass.
     """
     if not passes:
         return math.nan, math.nan, math.nan
-    satellites = sorted(set(targets))
-    larger = 1.0
+    satellites, larger = sorted(set(targets)), 1.0
     if len(satellites) > 1:
         values, _ = _solve(passes, targets, 1.0)
-        along = [values["along_track_m", target] for target in satellites]
         # In sizes of their priors.
-        larger = max(1.0, math.sqrt(sum(each**2 for each in along) / (len(along) - 1)))
+        off = math.hypot(*(values["along_track_m", target] for target in satellites))
+        larger = max(1.0, off / math.sqrt(len(satellites) - 1))
     (values, sigma_s), (_, measured_s) = (_solve(passes, targets, k) for k in (larger, 0.0))
     return CLOCK_S * values["clock_s", ""], sigma_s, measured_s
 
@@ -219,28 +217,24 @@ def _solve(
 ) -> tuple[dict[tuple[str, str], float], float]:
     """Return all unknowns in sizes of their priors, and one sigma of the clock in s.
 
-    Errors along the track are `larger` than their priors.
+    Errors along the track are `larger` than their priors; 0: nothing else looks like a clock.
     """
-    owners = [
-        {"along_track_m": target} | dict.fromkeys(("cross_track_m", "radial_m"), str(number))
-        for number, target in enumerate(targets)
-    ]
+    owners = [{"along_track_m": target} | dict.fromkeys(OF_PASS, str(number)) for number, target in enumerate(targets)]
     both = zip(passes, owners, strict=True)
     keys = [[(name, own.get(name, "")) for name in one.names] for one, own in both]
-    known = dict.fromkeys(key for each in keys for key in each)
-    places = {key: place for place, key in enumerate(known)}
+    places = {key: place for place, key in enumerate(dict.fromkeys(chain(*keys)))}
     # All unknowns are in sizes of their priors, which are the first information.
     information, right = np.eye(len(places)), np.zeros(len(places))
     for one, own in zip(passes, keys, strict=True):
         at = [places[key] for key in own]
-        more = np.where(np.array(one.names) == "along_track_m", larger, 1.0)
-        scaled = one.partials * (one.sizes * more) / one.noise_rad
+        alike = [larger, min(larger, 1.0), min(larger, 1.0)]
+        more = [dict(zip(LIKE_A_CLOCK, alike, strict=True)).get(name, 1.0) for name in one.names]
+        scaled = one.partials * (one.sizes * np.array(more)) / one.noise_rad
         information[np.ix_(at, at)] += scaled.T @ scaled
         right[at] += scaled.T @ one.off / one.noise_rad
     covariance = np.linalg.inv(information)
     values = dict(zip(places, (covariance @ right).tolist(), strict=True))
-    clock = places["clock_s", ""]
-    return values, CLOCK_S * math.sqrt(covariance[clock, clock])
+    return values, CLOCK_S * math.sqrt(np.diag(covariance)[places["clock_s", ""]])
 
 
 def known_sizes(

@@ -84,11 +84,8 @@ class Ensemble:
         """Shares (availability, refused), loss percentiles in dB, times and starts per pass."""
         flown = [row for row in self.rows if not row["refused"]]
         if not flown:
-            return {
-                "passes": float(len(self.rows)),
-                "refused": float(bool(self.rows)),
-                "availability": 0.0,
-            }
+            count = float(len(self.rows))
+            return {"passes": count, "refused": min(count, 1.0), "availability": 0.0}
 
         def mean(name: str, power: int = 1) -> float:
             return float(np.mean([row[name] ** power for row in flown]))
@@ -362,6 +359,4 @@ def _digest(station: Station, passes: Sequence[Trial], changes: Mapping[str, Any
     """Return what identifies the station and its passes, for a file that goes on."""
     # With the values and not the file: a comment in a description changes no result.
     own = station.description.content, dict(station.model.coefficients), changes
-    whole = hashlib.sha256(repr(own).encode())
-    whole.update("\n".join(each.key for each in passes).encode())
-    return whole.hexdigest()[:16]
+    return hashlib.sha256(repr((own, [each.key for each in passes])).encode()).hexdigest()[:16]

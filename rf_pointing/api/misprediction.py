@@ -7,13 +7,14 @@ the prediction and what the sensor still saw beyond it.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from rf_pointing.calibration import BiasModel
-from rf_pointing.calibration.pass_errors import PassPriors, motion_partials
+from rf_pointing.calibration.pass_errors import LOW_ORBIT_RATE_RAD_S, PassPriors, motion_partials
 from rf_pointing.core import MDEG, sky_offset_rad
 from rf_pointing.core.refraction import RadioRefraction
 from rf_pointing.core.types import Array
@@ -32,7 +33,11 @@ MODEL_TERMS = ("azimuth_offset", "collimation", "elevation_offset", "mislevel_ea
 GROUPS = (rows.EPHEMERIS, rows.MODEL, rows.REFRACTION)
 CLOCK_S, LEAST_M = 10.0, 1.0
 """Prior of a clock of which nothing is known, and of an orbit of which all is."""
-ROUNDS = 4
+# A mount that follows late looks like a clock: lags that its model lacks, in s and s^2.
+LAGS = {"velocity_lag": 0.05, "acceleration_lag": 0.02}
+LIKE_A_CLOCK = ("along_track_m", "azimuth_velocity_lag", "elevation_velocity_lag")
+"""Unknowns that no pass alone separates from its clock."""
+ROUNDS, LEAST_BEAMWIDTHS = 4, 0.02
 FEWEST = 8
 """Directions (each of `INDEPENDENT_S`) without which nothing is concluded."""
 
@@ -69,8 +74,8 @@ class TimedPass:
     """Directions of one pass as equations of what may be wrong, at independent times.
 
     `partials` (m, k) belong to `names`, of which `sizes` (k,) are the priors; `off` (m,) is what
-    they have to make, in rad with noise of `noise_rad`.  All else at its prior, the satellite was
-    ahead of its prediction by `ahead_s` with one sigma, whatever the cause.
+    they have to make, in rad with noise of `noise_rad`.  The satellite was ahead of its prediction
+    by `ahead_s` with one sigma, by its elements, the clock or a mount that follows late.
     """
 
     names: tuple[str, ...]
@@ -100,21 +105,26 @@ def timed_pass(case: RecordedCase) -> TimedPass:
         raise ValueError(f"{case.path} holds no {least} of directions that a sensor has found")
     along, cross, radial = _orbit_m(case)
     # No prior may be zero: a pass without elements has no errors of them.
+    along, cross, radial = (max(each, LEAST_M) for each in (along, cross, radial))
     priors = PassPriors(
-        along_track_m=max(along, LEAST_M), cross_track_m=max(cross, LEAST_M),
-        radial_m=max(radial, LEAST_M), clock_s=CLOCK_S,
+        along_track_m=along, cross_track_m=cross, radial_m=radial, clock_s=CLOCK_S,
+        cross_track_drift_m_s=LOW_ORBIT_RATE_RAD_S * cross,
+        radial_drift_m_s=LOW_ORBIT_RATE_RAD_S * radial,
     )  # fmt: skip
-    names = (*priors.names, *MODEL_TERMS, "refraction")
+    terms = tuple(BiasModel.zero().coefficients)
+    names = (*priors.names, *terms, "refraction")
     clock, known, total = names.index("clock_s"), predicted.sample(t_s), 0.0
-    alone = np.arange(len(names)) != names.index("along_track_m")
+    # However even the directions are: what the terms of a mount do not describe changes slowly.
+    least_rad = LEAST_BEAMWIDTHS * case.beamwidth_rad
+    alone = np.array([name not in LIKE_A_CLOCK for name in names])
     # A motion is straight for tenths of a second only.
     for _ in range(ROUNDS):
         look = predicted.sample(t_s + total)
         there, here = ((each.azimuth_rad, each.elevation_rad) for each in (look, known))
         left = off - np.column_stack(sky_offset_rad(*there, *here))
-        columns, expected, sigma = _columns(case, look, priors)
+        columns, expected, sigma = _columns(case, look, priors, terms)
         partials, wanted = _rows(columns, left, expected, t_s, inside)
-        values, covariance, noise_rad = _solved(partials[:, alone], wanted, sigma[alone])
+        values, covariance, noise_rad = _solved(partials[:, alone], wanted, sigma[alone], least_rad)
         place = int(np.sum(alone[:clock]))
         moved_s, total = total, total + float(values[place])
     # Back about the prediction as it was sent: passes with other shifts are solved together.
@@ -135,7 +145,7 @@ def _orbit_m(case: RecordedCase) -> tuple[float, float, float]:
 
 
 def _columns(
-    case: RecordedCase, look: LookAngles, priors: PassPriors
+    case: RecordedCase, look: LookAngles, priors: PassPriors, names: Sequence[str] = MODEL_TERMS
 ) -> tuple[Array, Array, Array]:  # fmt: skip
     """Return partials (k, 2, n) on the sky, expected values and sizes (k,) of what may be wrong."""
     motion = (
@@ -147,7 +157,7 @@ def _columns(
     orbit = motion_partials(look.t_s - middle_s, motion, *ranges, priors.names, still)
     # The printed form is linear: any size of a term gives its partials.
     zero = BiasModel.zero()
-    terms = [np.stack(zero.replace(**{n: 1e-3}).offset_rad(*motion)) / 1e-3 for n in MODEL_TERMS]
+    terms = [np.stack(zero.replace(**{n: 1e-3}).offset_rad(*motion)) / 1e-3 for n in names]
     used = np.array([each.refraction_rad for each in case.signals.of("target")])
     applied = bool(np.any(np.abs(used) > 1e-9))
     true_rad = look.true_elevation_rad
@@ -165,8 +175,8 @@ def _columns(
     expected[-1] = 0.0 if applied else 1.0
     model_rad = math.radians(case.description.content.bands[case.band].model_error_deg)
     each_rad = model_rad / math.sqrt(len(MODEL_TERMS))
-    sigma = np.array([*priors.sigma, *[each_rad] * len(MODEL_TERMS), REFRACTION_SIGMA])
-    return columns, expected, sigma
+    sizes = [LAGS.get(name.partition("_")[2], each_rad) for name in names]
+    return columns, expected, np.array([*priors.sigma, *sizes, REFRACTION_SIGMA])
 
 
 def _fitted(
@@ -188,7 +198,9 @@ def _rows(
     return partials, off[chosen].T.ravel() - partials @ expected
 
 
-def _solved(partials: Array, wanted: Array, sigma: Array) -> tuple[Array, Array, float]:
+def _solved(
+    partials: Array, wanted: Array, sigma: Array, least_rad: float = 0.1 * MDEG
+) -> tuple[Array, Array, float]:  # fmt: skip
     """Return values (k,), covariance, and the noise that what is left shows."""
     scale_rad, scaled = MDEG, partials * sigma
     values: Array = np.zeros(len(sigma))
@@ -198,5 +210,5 @@ def _solved(partials: Array, wanted: Array, sigma: Array) -> tuple[Array, Array,
         information = scaled.T @ scaled / scale_rad**2 + np.eye(len(sigma))
         covariance = np.asarray(np.linalg.inv(information))
         values = np.asarray(covariance @ scaled.T @ wanted / scale_rad**2)
-        scale_rad = max(float(np.sqrt(np.mean((wanted - scaled @ values) ** 2))), 0.1 * MDEG)
+        scale_rad = max(float(np.sqrt(np.mean((wanted - scaled @ values) ** 2))), least_rad)
     return sigma * values, covariance * np.outer(sigma, sigma), scale_rad

@@ -62,9 +62,10 @@ def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_a_slow_clock_is_found_within_its_sigma(bag: Path, capsys: pytest.CaptureFixture[str]) -> None:
     found = rp.check_clock([bag])
     (one,) = found.passes
-    assert abs(one.ahead_s - SLOW_S) < 3.0 * one.sigma_s
-    assert one.sigma_s < 0.03
-    assert found.sigma_s > 0.95 * one.elements_s > 5.0 * found.measured_s
+    # A clock that is fast by as much would be 74 ms away.
+    assert abs(one.ahead_s - SLOW_S) < min(0.03, 3.0 * one.sigma_s)
+    # Neither elements nor lags of the mount are known better than their priors.
+    assert found.sigma_s > 0.95 * math.hypot(one.elements_s, found.measured_s)
     # One satellite alone: it may be ahead of its elements.
     assert not found.wrong
     assert "no error of the clock is seen" in str(found)
