@@ -176,10 +176,20 @@ class Topic(Device):
 
     drive = "{type: topic, model: position, rotator: {latency_s: 0.05}}"
     home_deg = 0.0, math.degrees(0.5)
+    PROGRAM = (
+        "import sys, rclpy; sys.path.insert(0, sys.argv.pop(1))\n"
+        "from topic_drive_node import Driver\n"
+        "rclpy.init(args=sys.argv)\n"
+        "driver = Driver()\n"
+        "while True:\n"
+        "    try:\n        rclpy.spin_once(driver)\n"
+        "    except (ValueError, RuntimeError):\n        pass\n"
+    )
+    """What was damaged on its way and cannot be read does not end this one."""
 
     def line(self) -> list[str]:
-        program = ROOT / "examples" / "topic_drive_node.py"
-        return [sys.executable, str(program), "--ros-args", "-r", f"__ns:={self._namespace}"]
+        arguments = ["--ros-args", "-r", f"__ns:={self._namespace}"]
+        return [sys.executable, "-c", self.PROGRAM, str(ROOT / "examples"), *arguments]
 
 
 DEVICES: dict[str, type[Device]] = {"rotctld": Rotctld, "pty": Pty, "topic": Topic}

@@ -11,15 +11,11 @@ Replace `advance` by your device.  A driver of `model: rate` gets velocities in 
 
 import math
 import time
-from contextlib import suppress
 
 import rclpy
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
-
-RATE_RAD_S, PERIOD_S = math.radians(6.0), 0.05
 
 
 class Driver(Node):
@@ -27,28 +23,22 @@ class Driver(Node):
 
     def __init__(self) -> None:
         super().__init__("topic_driver")
-        self.axes = {"azimuth": 0.0, "elevation": 0.5}
+        self.axes, self.newest_s = {"azimuth": 0.0, "elevation": 0.5}, time.monotonic()
         self.goal: dict[str, float] = {}
-        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self.state = self.create_publisher(JointState, "drive/state", 10)
         self.create_subscription(JointState, "drive/set_point", self.take, 10)
-        self.create_subscription(Bool, "drive/enable", self.enable, latched)
-        self.newest_s = time.monotonic()
-        self.create_timer(PERIOD_S, self.advance)
+        # False: stop, and set the brakes.  What was commanded before never comes back.
+        self.create_subscription(Bool, "drive/enable", lambda _: self.goal.clear(), 10)
+        self.create_timer(0.05, self.advance)
 
     def take(self, set_point: JointState) -> None:
         goal = dict(zip(set_point.name, set_point.position, strict=False))
-        if set(goal) == set(self.axes) and all(map(math.isfinite, goal.values())):
+        if goal.keys() == self.axes.keys() and all(map(math.isfinite, goal.values())):
             self.goal = goal
-
-    def enable(self, _enabled: Bool) -> None:
-        # False: stop, and set the brakes.  What was commanded before does not come back.
-        self.goal = {}
 
     def advance(self) -> None:
         # A clock that is set must not move the axes.
-        now_s = time.monotonic()
-        reach, self.newest_s = RATE_RAD_S * (now_s - self.newest_s), now_s
+        reach, self.newest_s = math.radians(6.0) * (time.monotonic() - self.newest_s), time.monotonic()
         for axis, goal in self.goal.items():
             self.axes[axis] += max(-reach, min(reach, goal - self.axes[axis]))
         message = JointState(name=list(self.axes), position=list(self.axes.values()))
@@ -58,8 +48,4 @@ class Driver(Node):
 
 if __name__ == "__main__":
     rclpy.init()
-    driver = Driver()
-    while rclpy.ok():
-        # What was damaged on its way and cannot be read must not end a driver.
-        with suppress(ValueError, RuntimeError):
-            rclpy.spin_once(driver)
+    rclpy.spin(Driver())
