@@ -50,7 +50,7 @@ class TopicDrive(Drive):
             has_brake=True,
         )
         self.losses: dict[str, int] = {"state that cannot be used": 0}
-        self._lost_s, self._t_s = params.link.lost_s, 0.0
+        self._lost_s, self._t_s, self._stepped_s = params.link.lost_s, 0.0, 0.0
         self._reading: DriveReading | None = None
         self._refusal, self._taken, self._seen, self._behind_s = "", 0, 0, 0.0
         # A node of its own: its executor is turned by `step`, also before the antenna's node runs.
@@ -65,6 +65,10 @@ class TopicDrive(Drive):
         self._executor.add_node(self.node)
         self.problem = "no message on drive/state yet"
 
+    def clock_stepped(self, by_s: float) -> None:
+        # The newest state is as old as before; the next one shows whether the driver's clock came along.
+        self._t_s, self._stepped_s = self._t_s + by_s, self._stepped_s + by_s
+
     def step(self, t_s: float) -> DriveReading | None:
         # A step that came late is not silence of the device.
         late_s, self._t_s = max(0.0, t_s - (self._t_s or t_s)), t_s
@@ -74,7 +78,7 @@ class TopicDrive(Drive):
             if self._taken == before:
                 break
         if self._reading is not None:
-            age_s, most_s = self._reading.age_s(t_s - late_s), self._lost_s
+            age_s, most_s = self._reading.age_s(t_s - late_s) - self._stepped_s, self._lost_s
             self._behind_s = age_s if self._taken > self._seen else self._behind_s
             self._seen = self._taken
             found = f"no message on drive/state for {age_s:.1f} s"
@@ -115,6 +119,7 @@ class TopicDrive(Drive):
         try:
             require_length(payload, STATE_BYTES)
             self._reading, self._refusal = self._reading_of(checked_message(payload, JointState)), ""
+            self._stepped_s = 0.0
         except ValueError as error:
             self.losses["state that cannot be used"] += 1
             self._refusal = str(error)

@@ -124,6 +124,21 @@ def test_a_state_older_or_newer_than_the_loss_of_the_device_is_none(bench: Bench
         assert "stamps on drive/state are 60.0 s behind this computer's clock" in bench.drive.problem
 
 
+@pytest.mark.parametrize(("by_s", "words"), [(60.0, "are 60.0 s behind this"), (-60.0, "is 60.0 s ahead of this")])
+def test_a_step_of_the_clock_makes_no_state_old_but_the_next_one_of_a_driver_without_it(
+    bench: Bench, by_s: float, words: str
+) -> None:
+    bench.state()
+    bench.drive.step(NOW_S)
+    bench.drive.clock_stepped(by_s)
+    bench.drive.step(NOW_S + by_s + 0.02)
+    assert bench.drive.problem == ""
+    bench.state(t_s=NOW_S + 0.04)
+    for tick in range(60):
+        bench.drive.step(NOW_S + by_s + 0.04 + 0.02 * tick)
+    assert words in bench.drive.problem
+
+
 def test_a_driver_that_publishes_best_effort_is_heard(bench: Bench) -> None:
     (heard,) = (each for each in bench.drive.node.subscriptions if each.topic_name.endswith("drive/state"))
     assert heard.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT
