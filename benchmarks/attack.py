@@ -121,6 +121,7 @@ class Attacked(Station):
         self.clock_s = 0.0
         self.spoil()
         os.environ |= {"LD_PRELOAD": str(built(folder)), "DATAGRAM_LOSS": str(self._spoilt)}
+        ends.callback(os.environ.pop, "LD_PRELOAD")
         page = {"page.port": self.page_port, "page.token_file": str(folder / "token"), "page.reports": ""}
         night = {"executive.folder": str(self.disk / "night"), "executive.state_file": str(self.disk / "night.json")}
         own = {

@@ -122,10 +122,12 @@ class Station:
     @cached_property
     def rules(self) -> PlanningRules:
         """The antenna that passes are planned for: its errors, axes, mask and safety gate."""
-        sets = self.controller
+        sets, spiral = self.controller, self.controller.spiral
+        swept_rad2_s = spiral.rate_rad_s * spiral.pitch_beamwidths * spiral.half_power_beamwidth_rad
         return PlanningRules(
             model=self.model, machine=sets.machine, limits=sets.limits, mask=sets.mask, gate=sets.gate,
             lag_averaging_s=sets.pointing.lag_averaging_s, mount=sets.kinematics,
+            swept_rad2_s=swept_rad2_s if self.sensors else 0.0,
         )  # fmt: skip
 
     @cached_property

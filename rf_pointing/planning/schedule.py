@@ -3,10 +3,10 @@
 Priorities are strict: passes of a lower one take only the time that higher ones leave.  Within one
 priority the plan has the largest sum of
 
-    worth = 0.2 + sin(peak elevation)
+    worth = share * (0.2 + sin(peak elevation))
 
 so of two passes that exclude each other the higher one is taken, and two that peak at 20 deg are
-worth as much as one at 62 deg.
+worth as much as one at 62 deg.  The share is what is likely to be received of a pass.
 The sum is maximised exactly, by dynamic programming over the passes in order of rise; every turn of
 the azimuth travel at which a pass fits is a node of its own, so the antenna is unwound where there
 is time for it.  Turns are straight, from rest to rest at the rates of the axes.
@@ -46,7 +46,7 @@ class Candidate:
     priority: float
     turns: tuple[tuple[Pair, Pair], ...]
     share: float = 1.0
-    """Share of the worth that counts: of a part of a pass, or below a sky that may be cloudy."""
+    """Share of the worth that counts: of a part of a pass, below clouds, or with old elements."""
 
     @property
     def worth(self) -> float:
@@ -249,8 +249,9 @@ def _why(one: Candidate, others: Sequence[Candidate]) -> str:
     peak, best = math.degrees(one.peak_rad), math.degrees(max(other.peak_rad for other in others))
     if len(others) == 1 and best >= peak:
         return f": of equal priority {own} the higher peak, {best:.1f} deg against {peak:.1f} deg"
-    # It peaks higher and yields all the same: it would exclude more than the one that it meets.
-    return f": of equal priority {own} the plan with more passes, or higher ones"
+    # It peaks higher and yields all the same: it would exclude more than the one that it meets, or
+    # its elements are older.
+    return f": of equal priority {own} the plan with more passes, or higher or better known ones"
 
 
 def _stated(priority: float) -> str:

@@ -66,7 +66,7 @@ class TopicDrive(Drive):
         self.problem = "no message on drive/state yet"
 
     def clock_stepped(self, by_s: float) -> None:
-        # The newest state is as old as before; the next one shows whether the driver's clock came along.
+        # The newest state is as old as before; the next one shows whether its clock came along.
         self._t_s, self._stepped_s = self._t_s + by_s, self._stepped_s + by_s
 
     def step(self, t_s: float) -> DriveReading | None:

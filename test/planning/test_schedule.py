@@ -158,7 +158,10 @@ def test_reasons_say_how_long_passes_overlap_and_what_decides() -> None:
     for one, words in (
         (at("B", 250.0, 400.0, 0.0, peak_rad=0.8), f"50 s: {level} the higher peak, 45.8 deg against 45.8 deg"),
         (at("B", 50.0, 120.0, 0.0, peak_rad=0.3), f"20 s: {level} the higher peak, 45.8 deg against 17.2 deg"),
-        (at("B", 50.0, 120.0, 0.0, peak_rad=0.9), f"20 s: {level} the plan with more passes, or higher ones"),
+        (
+            at("B", 50.0, 120.0, 0.0, peak_rad=0.9),
+            f"20 s: {level} the plan with more passes, or higher or better known ones",
+        ),
         (at("B", 50.0, 120.0, 0.0, priority=-1), "20 s: priority 0 is above -1"),
     ):
         assert reasons_against([tracked, one], [(0, 0)], AXES, REST)[1] == f"overlaps A for {words}"
@@ -168,7 +171,7 @@ def test_reasons_say_how_long_passes_overlap_and_what_decides() -> None:
         at("B", 250.0, 390.0, 0.0),
     ]
     assert reasons_against(two, [(0, 0), (1, 0)], AXES, REST)[2] == (
-        "overlaps A for 50 s and C for 40 s: of equal priority 0 the plan with more passes, or higher ones"
+        "overlaps A for 50 s and C for 40 s: of equal priority 0 the plan with more passes, or higher or better known ones"
     )
 
 

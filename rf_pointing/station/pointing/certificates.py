@@ -73,6 +73,8 @@ class PlanningRules:
     gate: GateParams
     lag_averaging_s: float
     mount: Kinematics = LEVEL
+    swept_rad2_s: float = 0.0
+    """Sky that a search sweeps in a second; 0: the prediction alone is followed."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -19,6 +19,7 @@ from enum import StrEnum
 
 import numpy as np
 
+from rf_pointing.core import MU
 from rf_pointing.core.dates import DAY_S
 from rf_pointing.core.refraction import RadioRefraction
 from rf_pointing.core.types import Array, Pair
@@ -230,6 +231,7 @@ class AntennaDay:
             name=window.name, aos_t_s=window.aos_t_s, los_t_s=window.los_t_s, peak_rad=window.peak_elevation_rad,
             # Above a whole number below: what stays up lends its time to passes of its priority.
             priority=wish.priority - 0.5 * self._is_long(window), turns=_turns(window, self.antenna.rules),
+            share=_share_to_expect(window, self.antenna.of_band.get(wish.band, self.antenna.rules)),
         )  # fmt: skip
 
     def candidates(self) -> list[Candidate]:
@@ -369,9 +371,28 @@ class AntennaDay:
         wish = self.wish_of[id(target)]
         return k, DayPass(
             window=window, priority=wish.priority, fate=fate, age_s=age_s, reason=reason,
-            along_rad=ElementUncertainty().sigmas_m(age_s)[0] / window.tca_range_m if isinstance(target, Elements) else 0.0,
-            certificate=certificate, profile=profile, filler=id(target) in self._cut,
+            along_rad=_sigmas_rad(window)[0], certificate=certificate, profile=profile, filler=id(target) in self._cut,
         )  # fmt: skip
+
+
+def _sigmas_rad(window: CataloguePass) -> Pair:
+    """Return one sigma along the track and across it where it is closest, by the age."""
+    if not isinstance(window.target, Elements):
+        return 0.0, 0.0
+    along_m, cross_m, _ = ElementUncertainty().sigmas_m(window.tca_t_s - window.target.epoch_t_s)
+    return along_m / window.tca_range_m, cross_m / window.tca_range_m
+
+
+def _share_to_expect(window: CataloguePass, rules: PlanningRules) -> float:
+    """Return the share of a pass that is received, on average over the errors of its elements."""
+    beam, (along, cross) = rules.machine.half_power_beamwidth_rad, _sigmas_rad(window)
+    if not rules.swept_rad2_s:
+        # The mean of a Gaussian beam over normal errors.
+        return math.prod((1.0 + 2.0 * MU * (sigma / beam) ** 2) ** -0.5 for sigma in (along, cross))
+    # Swept outward from where it is expected, past what the beam sees at once.
+    area = 2.0 * math.pi * along * max(cross, 0.25 * beam)
+    beyond = math.exp(-0.25 * math.pi * beam**2 / area) if area else 0.0
+    return max(0.0, 1.0 - area * beyond / (rules.swept_rad2_s * window.duration_s))
 
 
 def _is_long(window: CataloguePass) -> bool:

@@ -171,7 +171,7 @@ class _Network:
         found = []
         for k, day in enumerate(self._days):
             for number, (window, candidate) in enumerate(zip(day.wanted, day.candidates(), strict=True)):
-                candidate = dataclasses.replace(candidate, share=self._clear[k])
+                candidate = dataclasses.replace(candidate, share=candidate.share * self._clear[k])
                 lasts = id(window.target) in self._lasting
                 inside = [t_s for t_s in cuts.get(id(window.target), ()) if _may_be_cut(window, t_s)]
                 pieces = [candidate]

@@ -12,11 +12,12 @@ from hypothesis import strategies as st
 from rf_pointing import planning
 from rf_pointing.api.plan import table_text
 from rf_pointing.calibration import BiasModel
+from rf_pointing.core import MU
 from rf_pointing.core.constants import EARTH_MU_M3_S2
-from rf_pointing.ephemeris import Elements, TopocentricTrack, find_passes, moon, site
+from rf_pointing.ephemeris import Elements, ElementUncertainty, TopocentricTrack, find_passes, moon, site
 from rf_pointing.planning import HorizonMask
 from rf_pointing.station.pointing.certificates import PlanningRules, planned_certificate
-from rf_pointing.station.pointing.multi_satellite_plan import DayPlan, Fate, PlannedAntenna, Wish, plan_day
+from rf_pointing.station.pointing.multi_satellite_plan import AntennaDay, DayPlan, Fate, PlannedAntenna, Wish, plan_day
 
 START_S = 1151347200.0
 PLACE = site("Goldstone DSS-13")
@@ -60,6 +61,32 @@ def antenna(rules: PlanningRules = RULES, place: tuple[float, float] = (0.0, 1.2
 def day(satellites: list[Elements], rules: PlanningRules = RULES, hours: float = 12.0, **options: float) -> DayPlan:
     wishes = [Wish(target=one, priority=one.catalogue_number % 3) for one in satellites]
     return plan_day(wishes, antenna(rules), START_S, hours * 3600.0, **options)
+
+
+@pytest.mark.parametrize("swept_deg2_s", [0.0, 0.02])
+@pytest.mark.parametrize("beamwidth_deg", [0.3, 3.0])
+def test_a_pass_counts_the_share_that_targets_drawn_by_the_law_of_their_age_give(
+    satellites: list[Elements], swept_deg2_s: float, beamwidth_deg: float
+) -> None:
+    machine = planning.MachineParams(half_power_beamwidth_rad=math.radians(beamwidth_deg))
+    rules = dataclasses.replace(RULES, machine=machine, swept_rad2_s=swept_deg2_s * math.radians(1.0) ** 2)
+    old = [dataclasses.replace(one, epoch_t_s=one.epoch_t_s - 8.0 * 86400.0) for one in satellites]
+    plan = AntennaDay([Wish(target=one) for one in old], antenna(rules), START_S, 3.6e4, gap_s=0.0, max_age_s=864000.0)
+    rng = np.random.Generator(np.random.PCG64(3))
+    for window in plan.wanted[:8]:
+        sigmas_m = np.array(ElementUncertainty().sigmas_m(window.tca_t_s - window.target.epoch_t_s)[:2])
+        along, cross = sigmas_deg = np.degrees(sigmas_m / window.tca_range_m)
+        off = sigmas_deg * rng.standard_normal((40000, 2))
+        expected = np.exp(-MU * np.sum(off**2, axis=1) / beamwidth_deg**2)
+        if swept_deg2_s:
+            # A search takes the directions in order of their probability, a strip not below the beam.
+            cross = max(cross, 0.25 * beamwidth_deg)
+            levels = math.pi * along * cross * np.sum((off / sigmas_deg) ** 2, axis=1)
+            found_s = np.maximum(levels - 0.25 * math.pi * beamwidth_deg**2, 0.0) / swept_deg2_s
+            expected = 1.0 - found_s / window.duration_s
+        share = plan.candidate(window).share
+        assert share == pytest.approx(max(0.0, float(np.mean(expected))), abs=0.02)
+        assert share < 0.5 or beamwidth_deg > 1.0 or swept_deg2_s
 
 
 def test_tracked_passes_have_certificates_that_follow_on_each_other(satellites: list[Elements]) -> None:
