@@ -25,7 +25,7 @@ from planning import as_omm
 import rf_pointing as rp
 from rf_pointing.core.dates import utc_text
 from rf_pointing.operations.pass_list import read_passes
-from rf_pointing.operations.schedule import PassState
+from rf_pointing.operations.schedule import BetweenParams, PassState
 from rf_pointing.simulation import StationSetup
 
 STATIONS = ("leo_3m7", "rotator_2m")
@@ -69,7 +69,10 @@ def measure(options: argparse.Namespace, station: str) -> bool:
         setup = StationSetup(station)
         passes = read_passes(text, every=False)
         faults = random_faults(options.faults, options.seed, EPOCH_T_S, options.hours, kinds_of(setup))
-        night = NightSimulation(setup, elements, passes, EPOCH_T_S, faults=faults)
+        between = BetweenParams(lead_s=300.0) if options.procedure else None
+        night = NightSimulation(
+            setup, elements, passes, EPOCH_T_S, faults=faults, between=between, procedure=options.procedure
+        )
         began_s, used_s = time.monotonic(), time.process_time()
         night.run(EPOCH_T_S + 3600.0 * options.hours + 3600.0, lambda _t_s: memory.append(memory_mb()))
         wall_s, used_s = time.monotonic() - began_s, time.process_time() - used_s
@@ -104,6 +107,13 @@ def show(
     print(f"  wall time {took_s[0] / 60.0:.1f} min (processor {took_s[1] / 60.0:.1f} min); operator actions 0")
     print(
         f"  antenna in motion {moved_h:.2f} h, outside the gate {len(log.outside)}; messages sent {len(log.messages)}"
+    )
+    begun = {entry.block: entry.t_s for entry in night.night.journal if entry.event == "begun"}
+    ready = [entry.t_s for entry in night.night.journal if (entry.directive, entry.event) == ("track", "accepted")]
+    took = sorted(min(t_s - s for s in begun.values() if s <= t_s) for t_s in ready)
+    missed = sum(entry.event == "anomaly" for entry in night.night.journal)
+    print(
+        f"  from the begin of a pass to its goal {took[len(took) // 2]:.0f} s, at most {took[-1]:.0f} s; blocks failed {missed}"
     )
     print("  memory by the hour (MB): " + " ".join(f"{each:.0f}" for each in memory))
     for record in lost:
@@ -140,11 +150,12 @@ def show(
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--station", choices=STATIONS, help="(default: both)")
+    parser.add_argument("--station", help=f"(default: {' and '.join(STATIONS)})")
     parser.add_argument("--hours", type=float, default=8.0)
     parser.add_argument("--satellites", type=int, default=30)
     parser.add_argument("--faults", type=int, default=0)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--procedure", default="", help="procedure of a pass, as precalibration (default: the shipped)")
     parser.add_argument("--report", help="folder of the morning report")
     parser.add_argument(
         "--every", type=float, default=360.0, help="s from a pass to the next, on rotctld (default: 360)"

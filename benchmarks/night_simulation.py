@@ -115,6 +115,7 @@ class NightSimulation:
         faults: Sequence[NightFault] = (),
         between: BetweenParams | None = None,
         thresholds: AlarmParams | None = None,
+        procedure: str = "",
         reads: Callable[[str], bool] = lambda _attribute: True,
     ) -> None:
         self.setup, self.log, self.t_s = setup, NightLog(), start_t_s
@@ -127,7 +128,7 @@ class NightSimulation:
         self._carrier = setup.power_tracker()
         params = self.controller.params
         alarms = thresholds or AlarmParams()
-        tables = read_tables(alarms)
+        tables = read_tables(alarms, procedure=procedure)
         machine: MachineParams = params.machine
         schedule = Schedule(params.limits, machine.axes, between)
         schedule.change(passes)
@@ -276,10 +277,15 @@ class NightSimulation:
                 "seconds_tracked": status_.seconds_tracked_s, "seconds_lost": status_.seconds_lost_s,
                 "mean_loss": status_.mean_loss_db,
             })  # fmt: skip
+        silent = list[str]()
         for kind, node in _NODES.items():
             if self._alive(kind):
                 self._seen[node] = t_s
-            self._take(node, {"silent_s": t_s - self._seen[node]})
+            silent_s = t_s - self._seen[node]
+            self._take(node, {"silent_s": silent_s, "failed": ""})
+            if silent_s > EXECUTIVE_S:
+                silent.append(node)
+        self.night.take_readiness(silent, t_s)
         self._take("disk", {"free_gb": self._free_gb})
         self._take("recorder", {"state": "recording" if self._recording else "idle"})
         age_h = self._element_age_h()

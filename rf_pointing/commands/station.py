@@ -10,7 +10,7 @@
     station park | stow | pause | release | disable | stop | reset
     station permit-sun --band X --until 2026-06-21T15:00:00Z --by "A. Name"
     station offset --along 0.3 --cross 0.01 | --clear | --keep NAME | --recall NAME
-    station night pause | resume | stop | abort | skip [ID] | ack [ALARM]
+    station night pause | resume | stop | abort | skip [ID] | run PROCEDURE | ack [ALARM]
     station log -n 50                       the journal of the executive
     station test-alarms                     a message by every way out, and what came of it
 
@@ -156,7 +156,7 @@ def request_of(argv: list[str] | None = None) -> StationRequest:
     offset("--clear", dest="request", action="store_const", const=("clear", ""), help="all to zero")
     night = add("night", "request something of the executive", StationClient.night)
     night("request", choices=tuple(NIGHT))
-    night("name", nargs="?", default="", help="id of the pass, or the alarm (default: the present one, all)")
+    night("name", nargs="?", default="", help="id of the pass, procedure, or alarm (default: present pass, all)")
     add("test-alarms", "send a message by every way out of the station, and say what came of it",
         StationClient.test_alarms)  # fmt: skip
     log = add("log", "show the journal of the executive", StationClient.show_journal)

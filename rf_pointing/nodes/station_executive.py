@@ -6,7 +6,8 @@ Publishes: schedule (latched), executive_status (once a second), alarms (each me
 diagnostic_msgs/DiagnosticArray).
 Action: run_schedule (rf_pointing_msgs/RunSchedule).
 Services: ~/pause, ~/resume, ~/stop (after the present pass), ~/abort (now), std_srvs/Trigger;
-~/test_alarms (a message by every way out); ~/skip and ~/acknowledge (rf_pointing_msgs/Named);
+~/test_alarms (a message by every way out); ~/skip, ~/acknowledge and ~/run (a procedure between
+two passes; rf_pointing_msgs/Named);
 ~/change_schedule (rf_pointing_msgs/ChangeSchedule).
 Parameters: executive.* (files, folder, partners), between.* (what the antenna does between two
 passes), alarms.* (thresholds; the station description may set them), hooks.* (where alarms go),
@@ -67,6 +68,7 @@ class StationExecutive(StationNode):
         for name in ("pause", "resume", "stop", "abort"):
             self.serve_action(Trigger, f"~/{name}", lambda _, name=name: self._shown(watch.request(name, self.now_s())))
         self.serve_action(Named, "~/skip", lambda r: watch.night.skip(r.name, self.now_s()))
+        self.serve_action(Named, "~/run", lambda r: watch.run(r.name, self.now_s()))
         self.serve_action(Named, "~/acknowledge", lambda r: watch.acknowledge(r.name, self.now_s()))
         passes = scheduled_from_messages
         change = lambda r: self._shown(watch.change(passes(r.add), r.remove, self.now_s()))  # noqa: E731

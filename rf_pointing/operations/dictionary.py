@@ -69,21 +69,28 @@ class Tables:
     directives: Mapping[str, DirectiveRow]
     procedure: Procedure
     recovery: RecoveryTable
+    maintenance: Mapping[str, Procedure]
+    """Procedures that an operator may start between two passes, by name."""
 
 
-def read_tables(thresholds: AlarmParams, directives: str = "", procedure: str = "", recovery: str = "") -> Tables:
+def read_tables(
+    thresholds: AlarmParams, directives: str = "", procedure: str = "", recovery: str = "", maintenance: str = ""
+) -> Tables:
     """Return the shipped tables, or those of the files that are named.
 
-    A station's dictionary adds rows to the shipped one and replaces those of the same names.
+    A station's dictionary adds rows to the shipped one and replaces those of the same names; so do
+    the procedures of the folder `maintenance`.  `procedure` is a file, or the name of a shipped one.
     Raises ValueError with the file of the first mistake.
     """
     rows = read_directives(read_whole(TABLES / "directives.yaml"))
     rows |= _of(Path(directives), read_directives) if directives else {}
     names = {name: row.takes for name, row in rows.items()}
-    file = Path(procedure) if procedure else TABLES / "pass.yaml"
-    chosen = _of(file, lambda text: read_procedure(text, names))
+    shipped = TABLES / f"{procedure or 'pass'}.yaml"
+    chosen = _of(shipped if shipped.is_file() else Path(procedure), lambda text: read_procedure(text, names))
+    files = [TABLES / "self_test.yaml", *(sorted(Path(maintenance).glob("*.yaml")) if maintenance else ())]
+    own = {file.stem: _of(file, lambda text: read_procedure(text, names)) for file in files}
     file = Path(recovery) if recovery else TABLES / "recovery.yaml"
-    return Tables(rows, chosen, _of(file, lambda text: read_table(text, names, thresholds)))
+    return Tables(rows, chosen, _of(file, lambda text: read_table(text, names, thresholds)), own)
 
 
 def _of(path: Path, read: Any) -> Any:

@@ -104,6 +104,13 @@ class Executor:
         return all(self._passed(name) for name in self.runs)
 
     @property
+    def failed(self) -> str:
+        """Why the procedure cannot succeed, "" if it can."""
+        blocks = self.procedure.blocks
+        return next((run.reason for name, run in self.runs.items()
+                     if run.state == BlockState.ANOMALY and not blocks[name].optional), "")  # fmt: skip
+
+    @property
     def finished(self) -> bool:
         """Whether nothing more can happen without an operator."""
         if self.succeeded:

@@ -15,7 +15,7 @@ from typing import Any
 from rf_pointing.core.pass_outcome import LEAST_SHARE, LOSS_OF_SIGNAL
 from rf_pointing.core.types import Pair
 from rf_pointing.operations.alarms import Alarm, AlarmBook
-from rf_pointing.operations.executor import BlockRun, BlockState, Executor, JournalEntry
+from rf_pointing.operations.executor import BlockRun, BlockState, Executor, JournalEntry, block_text
 from rf_pointing.operations.expected_state import ExpectedState
 from rf_pointing.operations.pass_work import PassRecord, PassWork, record_from, record_of
 from rf_pointing.operations.procedure import Directive, Procedure
@@ -219,6 +219,21 @@ class Night:
             raise ValueError(f"pass {name} cannot be skipped: its state is {entry.state}")
         self.change(now_s)
         return f"pass {name} is skipped"
+
+    def run(self, procedure: Procedure, now_s: float) -> None:
+        """Begin a procedure between two passes; it must end before the next one."""
+        if self._work is not None or self._action is not None:
+            raise ValueError(f"{procedure.name} must wait: {self.active_id or 'another request'} is in work")
+        following, place = self.schedule.next(), self._place(now_s)
+        if place is None:
+            raise ValueError(f"{procedure.name} must wait: the position of the antenna is not known")
+        free_s = self.schedule.begins_s(following, place) - now_s if following is not None else math.inf
+        needed_s = sum(block.timeout_s for block in procedure.blocks.values())
+        if free_s < needed_s:
+            raise ValueError(
+                f"{procedure.name} may take {needed_s:.0f} s, must be <= the {free_s:.0f} s to the next pass"
+            )
+        self._action = self._executor(procedure, procedure.with_parameters({}), now_s)
 
     def _require(self, *states: NightState) -> None:
         if self.state_name not in states:
@@ -455,7 +470,8 @@ class Night:
             "aos": item.aos_t_s, "los": item.los_t_s, "name": item.name, "priority": item.priority,
         }  # fmt: skip
         given = {name: value for name, value in known.items() if name in self.procedure.parameters}
-        return self._executor(self.procedure, given, now_s)
+        # Windows count from the rise, in each attempt.
+        return self._executor(self.procedure, given, item.aos_t_s)
 
     def _begin_action(self, name: str, now_s: float, parameters: Mapping[str, Any] | None = None) -> None:
         if self._action is None:
@@ -464,11 +480,12 @@ class Night:
     def _step_action(self, now_s: float) -> None:
         if self._action is not None:
             self._action.step(now_s)
-            runs = self._action.runs.values()
-            if self._action.finished or any(run.state == BlockState.ANOMALY for run in runs):
+            if self._action.finished or self._action.failed:
+                words = [block_text(name, run.state, run.reason) for name, run in self._action.runs.items()]
+                self._note(now_s, "", self._action.procedure.name, "; ".join(words))
                 self._action = None
 
-    def _executor(self, procedure: Procedure, parameters: dict[str, Any], now_s: float) -> Executor:
+    def _executor(self, procedure: Procedure, parameters: dict[str, Any], zero_s: float) -> Executor:
         def send(own: int, directive: Directive, arguments: dict[str, Any]) -> None:
             self._number += 1
             self._numbers[self._number] = executor, own
@@ -476,7 +493,7 @@ class Night:
             self._save()
             self._send(self._number, directive.name, arguments)
 
-        executor = Executor(procedure, parameters, self.expected_state, send, now_s)
+        executor = Executor(procedure, parameters, self.expected_state, send, zero_s)
         executor.journal = self.journal
         return executor
 

@@ -65,9 +65,7 @@ class PassWork:
     @property
     def failed(self) -> str:
         """Why the present attempt cannot succeed, "" if it can."""
-        blocks = self.executor.procedure.blocks
-        return next((run.reason for name, run in self.executor.runs.items()
-                     if run.state == BlockState.ANOMALY and not blocks[name].optional), "")  # fmt: skip
+        return self.executor.failed
 
     def follow(self, seen: ExpectedState) -> None:
         """Take what the controller has counted."""

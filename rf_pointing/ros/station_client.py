@@ -58,7 +58,7 @@ TESTED_S = 3.0
 """Wall time in which every node that has alarms shows them on /diagnostics."""
 SENT_S = 60.0
 """Wall time until it is known what came of a message: three tries of 10 s, and what waits."""
-NIGHT = {"pause": "pause", "resume": "resume", "stop": "stop", "abort": "abort", "skip": "skip", "ack": "acknowledge"}
+NIGHT = {each: each for each in ("pause", "resume", "stop", "abort", "skip", "run")} | {"ack": "acknowledge"}
 """Services of the executive by the words that request them."""
 JOG = {"left": (-1.0, 0.0), "right": (1.0, 0.0), "up": (0.0, 1.0), "down": (0.0, -1.0)}
 """Directions of a jog, azimuth and elevation."""
@@ -66,8 +66,8 @@ ARROWS = {"\x1b[A": "up", "\x1b[B": "down", "\x1b[C": "right", "\x1b[D": "left"}
 JOG_PAUSE_S = 0.1
 FAST, SLOW, SLOW_BEAMS = 0.5, 0.1, 0.25
 """Rates of a jog: shares of the largest rate, and half-power beamwidths a second."""
-ABOUT_ONE = ("skip", "ack")
-"""Requests that name a pass or an alarm."""
+ABOUT_ONE = ("skip", "run", "ack")
+"""Requests that name a pass, a procedure or an alarm."""
 LOST = ("lost", "missed", "weather")
 """States of the passes of a night that were not tracked."""
 TARGET_CHECK = "ephemeris_publisher: target"

@@ -29,6 +29,8 @@ TRIES = next(each.tries for each in TABLES.recovery.causes if each.name == "latc
 class Station:
     """An antenna and a controller that do what is commanded within seconds, and publish it to the night."""
 
+    procedure, between = TABLES.procedure, BetweenParams()
+
     def __init__(self, *passes: ScheduledPass) -> None:
         self.passes = {item.id: item for item in passes}
         self.mode, self.fault, self.wind, self.place = "parked", "", "", PARK
@@ -49,9 +51,9 @@ class Station:
     def executive(self) -> Night:
         """Return a night that has just been started, as after its process was killed."""
         self._answers.clear()
-        schedule = Schedule(LIMITS, RATES, BetweenParams())
+        schedule = Schedule(LIMITS, RATES, self.between)
         told = lambda event, alarm: self.told.append((self.now_s, event, alarm.name))  # noqa: E731
-        self.night = Night(schedule, TABLES.procedure, TABLES.recovery, self._send, save=self._save, notify=told)
+        self.night = Night(schedule, self.procedure, TABLES.recovery, self._send, save=self._save, notify=told)
         return self.night
 
     def _save(self) -> None:
@@ -143,8 +145,10 @@ class Station:
             "antenna": {"mode": self.mode, "fault": self.fault, "high_wind": self.wind, "moving": False, **place},
             "tracking": {"mode": "conscan" if self.target else "idle", "target": self.target, "reason": self.reason,
                          "held": held, "seconds_tracked": self.tracked_s, "seconds_lost": 0.0, "mean_loss": 0.1},
-            "pointing_controller": {"silent_s": self.silent_s}, "disk": {"free_gb": self.free_gb},
+            "pointing_controller": {"silent_s": self.silent_s, "failed": ""}, "disk": {"free_gb": self.free_gb},
             "recorder": {"state": "recording" if self.recording else "idle"},
+            **{node: {"failed": ""} for node in ("antenna_servo", "ephemeris_publisher")},
+            "computer": {"memory_free_mb": 500.0}, "executive": {"problem": ""},
         }.items():  # fmt: skip
             self.night.take(device, values, self.now_s)
 
@@ -155,6 +159,48 @@ class Station:
 
 def two() -> tuple[ScheduledPass, ...]:
     return a_pass("a", 1000.0), a_pass("b", 2000.0, azimuth=(200.0, 120.0))
+
+
+class Precalibrated(Station):
+    """A station that is calibrated before each pass."""
+
+    procedure = read_tables(AlarmParams(), procedure="precalibration").procedure
+    between = BetweenParams(lead_s=300.0)
+
+
+def test_seven_blocks_come_before_a_pass_and_none_of_them_before_it_is_joined_again() -> None:
+    station = Precalibrated(*two())
+    station.run(900.0)
+    before = ["select_target", "record", "release", "unwind", "unwind", "track"]
+    assert sorted(station.sent) == sorted(before)
+    assert station.sent[-3:] == before[-3:]
+    assert station.target, "the goal is given before the rise"
+    assert len(station.procedure.blocks["track"].after) + 1 == 7
+    station.run(150.0)
+    station.trip("azimuth drive")
+    del station.sent[:]
+    station.run(60.0)
+    assert station.target
+    assert "unwind" not in station.sent
+    station.run(1e5)
+    assert station.states == {"a": "tracked", "b": "tracked"}
+
+
+def test_a_procedure_of_maintenance_runs_between_passes_only_and_its_outcome_is_kept() -> None:
+    station, test = Station(*two()), TABLES.maintenance["self_test"]
+    station.run(1.0)
+    station.night.run(test, station.now_s)
+    station.run(60.0)
+    entry = next(each for each in station.night.journal if each.event == "self_test")
+    assert entry.detail.count("completed") == len(test.blocks), entry.detail
+    assert station.mode == "parked"
+    station.run(400.0)
+    with pytest.raises(ValueError, match=r"may take \d+ s, must be <= the \d+ s to the next pass"):
+        station.night.run(test, station.now_s)
+    station.run(1000.0)
+    assert station.night.active_id
+    with pytest.raises(ValueError, match="self_test must wait: a is in work"):
+        station.night.run(test, station.now_s)
 
 
 @given(fills=st.lists(st.booleans(), min_size=2, max_size=5), lost=st.integers(0, 4))

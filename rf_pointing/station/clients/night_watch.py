@@ -39,7 +39,8 @@ class ExecutiveParams(Params):
     state_file: str = parameter("", "file that keeps the night over a restart; empty: not kept")
     folder: str = parameter("runs/night", "folder of recordings, journal and morning report")
     directives_file: str = parameter("", "further directives of the station (YAML); empty: the shipped ones")
-    procedure_file: str = parameter("", "procedure of a pass (YAML); empty: the shipped one")
+    procedure_file: str = parameter("", "procedure of a pass (YAML), or precalibration; empty: the shipped one")
+    maintenance_folder: str = parameter("", "procedures (YAML) of an operator between passes, besides self_test")
     recovery_file: str = parameter("", "recovery table (YAML); empty: the shipped one")
     sensor: str = parameter("", "sensor of passes that name none; empty: the station's")
     record: bool = parameter(True, "whether each pass is recorded and reported on")
@@ -69,7 +70,8 @@ class NightWatch:
     ) -> None:  # fmt: skip
         require_choice("executive.sensor", own.sensor, ("", *SENSOR_CHOICES))
         self._own, self._thresholds, self._write_report, self._tell = own, alarms, report, tell
-        tables = read_tables(alarms, own.directives_file, own.procedure_file, own.recovery_file)
+        tables = read_tables(alarms, own.directives_file, own.procedure_file, own.recovery_file, own.maintenance_folder)
+        self._maintenance = tables.maintenance
         controller = controller_params(station, band)
         self._notes = {"station": station.name, "band": band, **horizon_to_notes(controller.mask)}
         self.folder = NightFolder(own.folder, record)
@@ -238,6 +240,14 @@ class NightWatch:
         """Pause, resume, stop or abort the night; return the answer."""
         getattr(self.night, name)(now_s)
         return f"{name}: the executive is {self.night.state_name}"
+
+    def run(self, name: str, now_s: float) -> str:
+        """Begin a procedure of maintenance between two passes; return the answer."""
+        require_choice("name", name, tuple(self._maintenance))
+        if self._steered_by:
+            raise ValueError(_steers(self._steered_by))
+        self.night.run(self._maintenance[name], now_s)
+        return f"{name} begins; its outcome is in the log: station log"
 
     def cancel(self, now_s: float) -> None:
         """Abort the night, if it has not ended meanwhile."""
