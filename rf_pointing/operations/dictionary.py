@@ -79,7 +79,7 @@ def read_tables(
     """Return the shipped tables, or those of the files that are named.
 
     A station's dictionary adds rows to the shipped one and replaces those of the same names; so do
-    the procedures of the folder `maintenance`.  `procedure` is a file, or the name of a shipped one.
+    the procedures of the folder `maintenance`.  `procedure`: a file, or the name of a shipped one.
     Raises ValueError with the file of the first mistake.
     """
     rows = read_directives(read_whole(TABLES / "directives.yaml"))

@@ -180,6 +180,37 @@ def test_a_drive_without_elevation_moves_its_azimuth(bench) -> None:
     assert not subject.drive.capabilities.has_elevation
 
 
+@pytest.mark.parametrize("name", BOTH_AXES)
+def test_a_set_point_leaves_at_once_and_ends_the_stop_before_it(bench, name: str) -> None:
+    subject = bench(name)
+    subject.drive.go_to((math.radians(300.0), math.radians(45.0)))
+    subject.run(2.0)
+    subject.drive.stop()
+    subject.run(3.0)
+    assert not subject.device.model.moving
+    before, count = len(subject.device.set_points), len(subject.readings)
+    # Just answered: nothing is waited for.
+    subject.run(1.0, lambda: len(subject.readings) > count)
+    subject.drive.go_to(GOAL_RAD)
+    subject.device.step(subject.t_s)
+    assert len(subject.device.set_points) > before, "it waits for no tick"
+    # A stop that is sent once more would hold it up on its way.
+    subject.run(15.0)
+    assert subject.degrees == pytest.approx(GOAL_DEG, abs=1.0)
+
+
+@pytest.mark.parametrize("by_s", [3600.0, -3600.0])
+def test_readings_are_stamped_by_a_clock_that_was_set(bench, by_s: float) -> None:
+    subject = bench("hamlib", Rotctld())
+    subject.run(0.5)
+    subject.drive.clock_stepped(by_s)
+    subject.t_s += by_s
+    del subject.readings[:-1]
+    subject.run(0.5)
+    assert len(subject.readings) > 1
+    assert all(abs(reading.t_s - subject.t_s) < 1.0 for reading in subject.readings[1:])
+
+
 def test_a_clock_that_goes_back_loses_nothing(bench) -> None:
     subject = bench("hamlib", Rotctld())
     subject.run(1.0)

@@ -161,6 +161,44 @@ def two() -> tuple[ScheduledPass, ...]:
     return a_pass("a", 1000.0), a_pass("b", 2000.0, azimuth=(200.0, 120.0))
 
 
+def test_why_a_pass_is_not_tracked_is_reported_by_its_newest_cause_until_another_is() -> None:
+    station = Station(*two())
+
+    def alarms() -> dict[str, str]:
+        return {alarm.name: alarm.message for alarm in station.night.book.lasting}
+
+    for cause in ("it is in the Sun", "it is behind a hill"):
+        station.refuses = cause
+        station.run(1060.0 if cause.endswith("Sun") else 90.0)
+        assert set(alarms()) == {"not_ready", "rejected_certificate"}
+        assert all(cause in message for message in alarms().values())
+    station.night.pause(station.now_s)
+    station.run(5.0)
+    assert "not_ready" not in alarms(), "an operator holds the passes back"
+    station.night.resume(station.now_s)
+    station.run(600.0)
+    assert set(alarms()) == {"rejected_certificate"}, "the pass is over, and what hindered it is not mended"
+    station.refuses = ""
+    station.run(1e4)
+    assert (station.states, alarms()) == ({"a": "lost", "b": "tracked"}, {})
+
+
+def test_a_clock_that_is_set_back_and_a_restart_hold_up_no_recovery() -> None:
+    station = Station(*two())
+    station.run(1100.0)
+    station.trip("azimuth drive")
+    station.run(4.0)
+    # It trips again at once: what counts is the time to the next try.
+    station.trip("azimuth drive")
+    station.now_s -= 600.0
+    station.run(30.0)
+    assert (station.fault, station.sent.count("reset_antenna_fault")) == ("", 2)
+    kept = json.loads(station.kept[-1])
+    station.executive().restore(kept, station.now_s)
+    station.run(60.0)
+    assert [entry.event for entry in station.night.journal].count("goes on after a restart") == 1
+
+
 class Precalibrated(Station):
     """A station that is calibrated before each pass."""
 
