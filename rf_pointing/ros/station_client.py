@@ -36,6 +36,7 @@ from rf_pointing.ephemeris.target_offsets import TargetOffsets
 from rf_pointing.operations.pass_list import read_passes
 from rf_pointing.ros.command_key import CommandKey, CommandKeyParams
 from rf_pointing.ros.convert_planning import scheduled_to_message
+from rf_pointing.ros.diagnostics import LEVELS
 from rf_pointing.ros.graph import ALARMS, EXECUTIVE, EXECUTIVE_STATUS, SCHEDULE
 from rf_pointing.ros.leased_services import LEASED, OWNER, Caller
 from rf_pointing.ros.live_pass import LiveLine, LivePass, outcome_line
@@ -72,6 +73,8 @@ LOST = ("lost", "missed", "weather")
 """States of the passes of a night that were not tracked."""
 TARGET_CHECK = "ephemeris_publisher: target"
 """Check on /diagnostics with the numbers behind the target."""
+ALARM_CHECK = "station_alarms: alarms"
+"""Check with the alarms of a station without an executive."""
 TOPICS = {
     SCHEDULE: (Schedule, LATCHED),
     EXECUTIVE_STATUS: (ExecutiveStatus, STATUS),
@@ -124,7 +127,7 @@ class StationClient(GraphRun):
         if forget:
             return self.ask("ephemeris_publisher/forget_learned")
         self._hear_of_target()
-        # A line a second and a script wait for no diagnostics.
+        # A line a second and a script wait for no diagnostics, but those of a station without a night.
         more = () if watch or as_json else (TARGET_CHECK,)
         self._look("antenna_status", "tracking_status", EXECUTIVE_STATUS, *more)
         if "antenna_status" not in self.newest:
@@ -134,6 +137,8 @@ class StationClient(GraphRun):
             executive = self.newest.get(EXECUTIVE_STATUS, ExecutiveStatus(state="none"))
             values = status_values(self.newest["antenna_status"], tracking, executive)
             values["learned"] = self.newest.get(TARGET_CHECK, {}).get("learned", "")
+            if executive.state == "none" and (own := self.newest.get(ALARM_CHECK)):
+                values["alarms"] = [{"name": "station_alarms", **own, "acknowledged": False}]
             print(json.dumps(values) if as_json else status_text(values), flush=True)
             if not watch or self.stopping:
                 return not values["fault"] and all(each["level"] != 2 for each in values["alarms"])
@@ -304,12 +309,15 @@ class StationClient(GraphRun):
         return True
 
     def _hear_of_target(self) -> None:
-        """Keep the newest values of the publisher's check of its target."""
+        """Keep the newest values of the publisher's check of its target, and of the alarms."""
 
         def note(message: DiagnosticArray) -> None:
             for status in message.status:
                 if status.name.endswith(TARGET_CHECK):
                     self.newest[TARGET_CHECK] = {pair.key: pair.value for pair in status.values}
+                elif status.name.endswith(ALARM_CHECK):
+                    level = LEVELS.index(status.level)
+                    self.newest[ALARM_CHECK] = {"level": level, "message": status.message} if level else {}
 
         self.node.create_subscription(DiagnosticArray, "/diagnostics", note, 100)
 

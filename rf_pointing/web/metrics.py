@@ -84,7 +84,18 @@ def board_metrics(
             Family("elements_age", "seconds", "Age of the elements of the selected target.", age)
         )
     if "executive" in fresh:
-        families += _night(kept)
+        families += [*_night(kept), *_alarms(kept["executive"]["alarms"])]
+    else:
+        # Without an executive station_alarms raises them, and shows them as a check of its own.
+        checks = {
+            (node["name"], each[0]): each
+            for node in nodes
+            if not node["silent_s"]
+            for each in node["checks"]
+        }
+        if own := checks.get(("station_alarms", "alarms")):
+            row = {"name": "station_alarms", "level": own[1], "acknowledged": False}
+            families += _alarms([row] if own[1] else [])
     return families
 
 
@@ -190,18 +201,23 @@ def _tracking(live: Mapping[str, Any]) -> list[Family]:
 
 
 def _night(kept: Mapping[str, Any]) -> list[Family]:
-    executive, states = kept.get("executive", {}), dict[str, float]()
+    states = dict[str, float]()
     for row in kept.get("schedule", ()):
         states[row["state"]] = states.get(row["state"], 0.0) + 1.0
+    return [
+        _gauge("schedule_passes", "", "Passes of the schedule by their state.", "state", states)
+    ]
+
+
+def _alarms(rows: Sequence[Mapping[str, Any]]) -> list[Family]:
     alarms = [
         (
             {"alarm": each["name"], "level": ("ok", "warning", "error")[min(each["level"], 2)]},
             1.0 + each["acknowledged"],
         )
-        for each in executive.get("alarms", ())
+        for each in rows
     ]
     return [
-        _gauge("schedule_passes", "", "Passes of the schedule by their state.", "state", states),
         Family("alarm_lasts", "", "Alarms that last: 1 not acknowledged, 2 acknowledged.", alarms),
         Family("alarms_lasting", "", "How many alarms last.", [({}, len(alarms))]),
     ]

@@ -91,6 +91,15 @@ def test_the_values_of_the_page_are_scraped() -> None:
     assert {"idle", "monopulse"} < modes.keys()
 
 
+@pytest.mark.parametrize("level", [0, 1, 2])
+def test_without_an_executive_the_alarms_are_those_that_station_alarms_shows(level: int) -> None:
+    own = {"name": "station_alarms", "silent_s": 0, "checks": [["alarms", level, "lost_drive: no answer"]]}
+    found = read(exposition(board_metrics(LIVE, {"antenna": 0.5}, KEPT, [*NODES, own])))
+    assert found["alarms_lasting", frozenset()] == bool(level)
+    labels = {"alarm": "station_alarms", "level": ("ok", "warning", "error")[level]}
+    assert found.get(("alarm_lasts", frozenset(labels.items())), 0.0) == bool(level)
+
+
 def test_what_is_old_or_unknown_is_a_gap() -> None:
     old = {name for name, _ in scraped(age_s=11.0)}
     assert "source_age_seconds" in old

@@ -1,6 +1,7 @@
 """The web server of the operator's page: who may read, who may command, what a bad request is answered."""
 
 import asyncio
+import contextlib
 import io
 import json
 import time
@@ -342,7 +343,9 @@ def test_half_open_requests_give_way_and_are_closed_in_time(monkeypatch: pytest.
             writer.write(head.encode())
             assert b"408" in (await asyncio.wait_for(reader.read(), 5.0)).split(b"\r\n")[0]
             for reader, _ in opened[:-1]:
-                assert await asyncio.wait_for(reader.read(), 5.0) == b""
+                # One that was closed before its head was read is reset.
+                with contextlib.suppress(ConnectionResetError):
+                    assert await asyncio.wait_for(reader.read(), 5.0) == b""
             for _, writer in opened:
                 writer.close()
             server.put({"live": 1})

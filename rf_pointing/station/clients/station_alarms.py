@@ -30,6 +30,8 @@ NEEDED = ("antenna_servo", "pointing_controller", "ephemeris_publisher")
 """Nodes without which no pass is tracked; the tracker of its sensor is another one."""
 SILENT_S = 5.0
 """Wall time without a word of an executive after which its alarms are sent here."""
+START_S = 60.0
+"""Wall time within which a node comes up, or is missed where no executive runs."""
 STEP_S = 1.0
 """Longest time between two steps of a process that does not stall."""
 EXECUTIVE = "station_executive"
@@ -68,11 +70,12 @@ class StationAlarms:
         self._t_s = 0.0
         conditions = (each.attribute for cause in recovery.table.causes for each in cause.when)
         watched = {each.partition(".")[0] for each in conditions if each.endswith(".silent_s")}
-        self.named = watched - {"*"}
+        self.named = watched - {"*"} | {name.strip() for name in thresholds.nodes.split(",")}
         self._alive_s: dict[str, float] = {}
         self._gone: set[str] = set()
         self._lost_executive = ""
         self._states: dict[str, tuple[str, str]] = {}
+        self._ready_s: dict[str, float] = {}
         self._failed: dict[str, dict[str, str]] = {}
         self._executive_s, self._observed_s = float("-inf"), float("inf")
         self.healths: dict[str, dict[str, Any]] = {"disk": {"free_gb": 0.0}}
@@ -128,12 +131,15 @@ class StationAlarms:
             reasons.append("the drive reads no position")
         return reasons
 
+    def _is_lost(self, node: str, wall_s: float) -> bool:
+        return wall_s - self._alive_s.get(node, wall_s) > self.thresholds.node_silent_s
+
     def _not_ready(self, node: str, wall_s: float) -> str:
         silent_s = wall_s - self._alive_s.get(node, float("-inf"))
         state, message = self._states.get(node, ("", ""))
         if node not in self._alive_s:
             return f"{node} has not been received"
-        if silent_s > self.thresholds.node_silent_s:
+        if self._is_lost(node, wall_s):
             return f"{node} has been silent for {silent_s:.0f} s"
         return "" if state in ("active", "") else f"{node} is {state}: {message}"
 
@@ -191,6 +197,15 @@ class StationAlarms:
         self.observe(t_s, wall_s)
         # An executive that has just come back would tell of its own end once more.
         self.take("executive", {"lost": self._lost_executive}, t_s)
+        # An executive knows what its next pass needs; here nobody else notices who never came up.
+        for node in NEEDED:
+            reason = self._not_ready(node, wall_s)
+            if not reason or self._is_lost(node, wall_s):
+                self._ready_s[node] = wall_s
+            elif wall_s - self._ready_s.setdefault(node, wall_s) > START_S and not any(
+                self._failed.get(node, {}).values()
+            ):
+                self.take(node, {"failed": reason.removeprefix(f"{node} ")}, t_s)
         self.book.held = wall_s - self._executive_s < SILENT_S
         self.recovery.step(t_s)
 

@@ -499,7 +499,9 @@ const show = {
     }));
     if (!shown.executive) {
       write("night-state", "no executive runs");
-      refill(byId("alarms"), null, () => [make("li", {}, "No executive runs, so nothing raises alarms. Errors are at the nodes.")]);
+      const own = (nodes.find((node) => node.name === "station_alarms" && !node.silent_s) || {checks: []}).checks.find((each) => each[0] === "alarms");
+      refill(byId("alarms"), own, () => !own ? [make("li", {}, "Neither an executive nor station_alarms runs: nothing raises alarms. Errors are at the nodes.")]
+        : own[2] === "none" ? [make("li", {class: "good"}, "● no alarm")] : [make("li", {}, mark(Math.min(own[1], 2)), make("span", {class: "grow"}, own[2]))]);
     }
   },
   reports(rows) {

@@ -18,14 +18,14 @@ from rf_pointing.station.parameters import controller_params
 
 T_S = 1.8e9
 CONTROLLER = controller_params(read_station("leo_3m7"), "X")
-OK, ERROR = 0, 2
+OK, WARN, ERROR = 0, 1, 2
 
 
 class Bench:
     """Alarms whose station shows the same until a test changes it, a second a step."""
 
     def __init__(self, folder: Path, hooks: HookParams | None = None) -> None:
-        thresholds, self.now_s = AlarmParams(), 0.0
+        thresholds, self.now_s = AlarmParams(nodes="my_receiver, my_drive"), 0.0
         table = read_tables(thresholds).recovery
         recovery = Recovery(table, ExpectedState(), AlarmBook(lambda *_: None, thresholds.quiet_s), acts=False)
         self.messages: list[dict[str, str]] = []
@@ -60,6 +60,7 @@ def disk(monkeypatch: pytest.MonkeyPatch) -> Any:
 @pytest.fixture
 def bench(tmp_path: Path, disk: Any) -> Bench:
     one = Bench(tmp_path)
+    one.checks = {(node, "state"): (OK, "active", {"state": "active"}) for node in station_alarms.NEEDED}
     one.shown = {
         "antenna": {"mode": "tracking", "fault": "", "high_wind": "", "azimuth": 0.5, "elevation": 0.7},
         "tracking": {"mode": "conscan", "target": "bird", "held": True, "seconds_lost": 0.0, "reason": "", "level": 0},
@@ -71,6 +72,7 @@ def bench(tmp_path: Path, disk: Any) -> Bench:
     ("check", "shown", "cause", "within_s", "words"),
     [
         (("antenna_servo", "device", ERROR, "no answer", {}), {}, "lost_drive", 5, "the drive is lost: no answer"),
+        (("my_drive", "bus", ERROR, "no frame for 3 s", {}), {}, "failed_check my_drive", 8, "my_drive: bus: no frame for 3 s"),
         (("antenna_servo", "state", ERROR, "drive: refused", {"state": "unconfigured"}), {}, "failed_check antenna_servo", 8,
          "antenna_servo: state: drive: refused"),
         (("pointing_controller", "clocks", ERROR, "the clock of x is 900 ms ahead", {"offset_ms x": "900.0"}), {}, "clock", 12,
@@ -101,6 +103,20 @@ def test_each_cause_is_one_message_that_says_what_to_do_and_is_repeated_until_so
     assert [row[1:] for row in bench.run(1200)] == [("reminder", cause)] * 2
     bench.alarms.book.acknowledge("", T_S)
     assert bench.run(1200) == []
+
+
+@pytest.mark.parametrize("received", [True, False])
+def test_who_never_comes_up_is_missed_after_a_minute_where_no_executive_runs(bench: Bench, received: bool) -> None:
+    up = bench.checks.pop(("antenna_servo", "state"))
+    if received:
+        bench.checks["antenna_servo", "state"] = (WARN, "waits for rotctld", {"state": "unconfigured"})
+    assert bench.run(60) == []
+    ((_, *event),) = bench.run(60)
+    assert event == ["raised", "failed_check antenna_servo"]
+    words = "is unconfigured: waits for rotctld" if received else "has not been received"
+    assert bench.last[0]["message"] == f"antenna_servo: {words}"
+    bench.checks["antenna_servo", "state"] = up
+    assert [row[1:] for row in bench.run(60)] == [("cleared", "failed_check antenna_servo")]
 
 
 def test_a_full_disk_and_little_memory_are_on_diagnostics_at_once(
@@ -166,6 +182,7 @@ def test_while_an_executive_with_a_way_out_is_heard_that_one_tells_and_a_silent_
 
 def test_what_a_pass_needs_is_named_if_it_was_never_heard_or_is_not_active_and_has_no_alarm(bench: Bench) -> None:
     servo, controller, publisher, tracker = needed = (*station_alarms.NEEDED, "monopulse_tracker")
+    del bench.checks[servo, "state"]
     bench.checks[controller, "state"] = OK, "waits for the drive", {"state": "unconfigured"}
     bench.checks[tracker, "state"] = OK, "active", {"state": "active"}
     bench.checks[publisher, "state"] = ERROR, "no elements", {"state": "unconfigured"}
