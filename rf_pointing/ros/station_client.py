@@ -127,7 +127,7 @@ class StationClient(GraphRun):
         if forget:
             return self.ask("ephemeris_publisher/forget_learned")
         self._hear_of_target()
-        # A line a second and a script wait for no diagnostics, but those of a station without a night.
+        # A line a second and a script wait for no diagnostics.
         more = () if watch or as_json else (TARGET_CHECK,)
         self._look("antenna_status", "tracking_status", EXECUTIVE_STATUS, *more)
         if "antenna_status" not in self.newest:
