@@ -210,13 +210,9 @@ def _usable(
         age_s = max(abs(start_t_s - one.epoch_t_s), abs(start_t_s + duration_s - one.epoch_t_s))
         if age_s <= max_age_s:
             usable.append(one)
-        else:
-            unsearched.append(
-                (
-                    one,
-                    f"was not searched: {age_s / DAY_S:.2f} days from its epoch, must be <= {max_age_s / DAY_S:.2f} days",
-                )
-            )
+            continue
+        off = f"{age_s / DAY_S:.2f} days from its epoch, must be <= {max_age_s / DAY_S:.2f} days"
+        unsearched.append((one, f"was not searched: {off}"))
     return usable, unsearched
 
 
