@@ -2,53 +2,38 @@
 
 The motion is interpolated between nodes by position, velocity and acceleration (quintic Hermite).
 With 0.5 rad of the orbit from node to node the error is 0.5^6/46080 r, 2.4 m or 0.3 ms in a low
-orbit; ends and peak are those of the track itself.  Elevation is cut at its turning points; between
-two of them it is monotonic, so each crossing of the mask is bracketed and none is missed that the
-step of the search resolves.  A horizon that depends on the azimuth cuts the stays above its lowest
-point again, at a step of a second (longer in stays of hours): every stay above it is a pass.
+orbit; ends and peak are those of the track itself.  The search is that of `stays_above`; a horizon
+is looked at in steps of a second (longer in stays of hours).
 """
 
-import itertools
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.core import require_between
 from rf_pointing.core.dates import utc_text
-from rf_pointing.core.roots import roots_between
-from rf_pointing.core.types import Array
+from rf_pointing.core.types import Array, BoolArray
 from rf_pointing.ephemeris.elements import Elements
 from rf_pointing.ephemeris.look_angles import angles_and_rates
 from rf_pointing.ephemeris.state_vector import StateVector, rows_of
+from rf_pointing.ephemeris.stays import Horizon, SkyMotion, Stays, height_of, mask_of, parts_above, stays_above
 from rf_pointing.ephemeris.track import TopocentricTrack
-
-# Lowest elevation (n,) at azimuths (n,) on any turn.
-Horizon = Callable[[Array], Array]
-Flags = NDArray[np.bool_]
 
 # A stay of less than 30 s between two turning points is not a pass that anyone would track.
 _STEP_S = 30.0
-_TIME_TOLERANCE_S = 1e-4
 # From node to node of the interpolation, at the fastest place of the orbit; no longer than an hour
 # of the turning Earth.
 _NODE_RAD, _LONGEST_NODE_S = 0.5, 1200.0
 _TURN = 2.0 * np.pi
 # Points of a pass on either side of its peak, denser towards it by e^5: 0.1 s where it is overhead.
 _PROFILE = np.sinh(np.linspace(0.0, 5.0, 41)[1:]) / np.sinh(5.0)
-_ORDER = np.arange(1.0, 6.0)[:, np.newaxis]
 # Coefficients of the third to fifth power, from what position, velocity and acceleration lack.
 _QUINTIC = np.array([[10.0, -4.0, 0.5], [-15.0, 7.0, -1.0], [6.0, -3.0, 0.5]])
 # More than the interpolation is off where the elevation crosses the mask, however slowly.
 _LATEST_S, _MOST_EXACT = 0.05, 5
-# Steps to a turning point or a crossing of the interpolation, and what the last one may be.
-_NEWTON, _SETTLED_S = 5, 0.1
 _CLOSER = np.linspace(0.0, 1.0, 21)[:, np.newaxis]
 _PROFILE_STEP_S = 1.0
-_PROFILE_POINTS = 5000
-_HORIZON_POINTS, _HORIZON_MARGIN_RAD = 3601, 0.01
 # How far back the rise of a pass that is going on is looked for: a low orbit's, then any other's.
 _LOOK_BACK_S = (3600.0, 43200.0)
 
@@ -107,144 +92,29 @@ def _passes_of(
     track: TopocentricTrack, start_t_s: float, duration_s: float, min_elevation_rad: float | Horizon
 ) -> list[Pass]:
     """Return the passes in a time for which the target is known throughout."""
-    # A horizon by azimuth is searched in two stages: above its lowest point, then above itself.
-    if callable(min_elevation_rad):
-        horizon, flat_rad = min_elevation_rad, _below(min_elevation_rad)
-        require_between("min_elevation_rad", flat_rad, -0.2, np.pi / 2)
-    else:
-        horizon, flat_rad = None, min_elevation_rad
-        require_between("min_elevation_rad", flat_rad, -0.01, np.pi / 2)
-    motion = _Motion.of(track, start_t_s, duration_s)
-    air = track.refraction
+    horizon, flat_rad = mask_of(min_elevation_rad)
+    motion, air = _motion(track, start_t_s, duration_s), track.refraction
     sine = math.sin(float(air.remove(flat_rad)) if air else flat_rad)
-    grid, height, rate = motion.grid(_STEP_S)
-    # A turning point that the tangents keep on one side of the mask cuts nothing.
-    step_s = grid[1] - grid[0]
-    turns = np.flatnonzero((rate[1:] > 0.0) != (rate[:-1] > 0.0))
-    reach = height[turns] + rate[turns] * step_s, height[turns + 1] - rate[turns + 1] * step_s
-    turns = turns[np.where(rate[turns] > 0.0, np.maximum(*reach) > sine, np.minimum(*reach) < sine)]
-    between = grid[turns], grid[turns + 1]
-    turning, turned = _turning(motion, *between, (rate[turns], rate[turns + 1]))
-    peaks = turning[rate[turns] > 0.0]
-    knots, heights = np.empty((2, len(grid) + len(turns)))
-    new = np.zeros(len(knots), dtype=bool)
-    new[turns + 1 + np.arange(len(turns))] = True
-    knots[new], heights[new] = turning, turned - sine
-    knots[~new], heights[~new] = grid, height - sine
-    above = heights > 0.0
-    change = np.flatnonzero(above[1:] != above[:-1])
-    around = (knots[change], knots[change + 1]), (heights[change], heights[change + 1])
-    crossings = _crossings(motion, sine, *around)
-    rises = np.concatenate([knots[:1][above[:1]], crossings[above[change + 1]]]).tolist()
-    sets = np.concatenate([crossings[above[change]], knots[-1:][above[-1:]]]).tolist()
-    stays = [stay for stay in zip(rises, sets, strict=True) if stay[1] > stay[0]]
-    if horizon is not None:
-        stays = [part for stay in stays for part in _stays_above(track, *stay, horizon, peaks)]
-    ends = float(grid[0]), float(grid[-1])
-    return _described(track, motion, stays, peaks, ends, sine if horizon is None else None)
+    stays = stays_above(motion, sine, _STEP_S)
+    if horizon is None:
+        return _described(track, motion, stays, sine)
+
+    def clearance(t_s: Array) -> Array:
+        looks = track.sample(t_s)
+        return np.asarray(looks.elevation_rad - horizon(looks.azimuth_rad))
+
+    return _described(track, motion, parts_above(stays, clearance, _PROFILE_STEP_S), None)
 
 
-@dataclass(frozen=True, eq=False)
-class _Motion:
-    """Motion from the site between even nodes: coefficients (6, 3, n), east-north-up, metres."""
-
-    start_t_s: float
-    step_s: float
-    coefficients: Array
-
-    @classmethod
-    def of(cls, track: TopocentricTrack, start_t_s: float, duration_s: float) -> "_Motion":
-        count = math.ceil(duration_s / _node_step_s(track)) + 1
-        times = np.linspace(start_t_s, start_t_s + duration_s, max(count, 2))
-        h = float(times[1] - times[0])
-        p, v, a = (part * h**k for k, part in enumerate(_seen(track, times)[0]))
-        first, gained = 0.5 * a[:, :-1], v[:, 1:] - v[:, :-1] - a[:, :-1]
-        moved, bent = p[:, 1:] - p[:, :-1] - v[:, :-1] - first, a[:, 1:] - a[:, :-1]
-        rest = np.tensordot(_QUINTIC, np.array([moved, gained, bent]), axes=1)
-        return cls(start_t_s, h, np.concatenate([np.array([p[:, :-1], v[:, :-1], first]), rest]))
-
-    def at(self, t_s: Array, orders: int) -> list[Array]:
-        """Return position (3, n) and its first derivatives, `orders` in all."""
-        place = (t_s - self.start_t_s) / self.step_s
-        node = np.minimum(np.maximum(place, 0.0).astype(np.int64), self.coefficients.shape[2] - 1)
-        here = self.coefficients[:, :, node]
-        return list(np.einsum("okn,kcn->ocn", self._bases(place - node, orders), here))
-
-    def grid(self, step_s: float) -> tuple[Array, Array, Array]:
-        """Return even times, nodes among them, no more than `step_s` apart, and `height` there."""
-        count, parts = self.coefficients.shape[2], math.ceil(self.step_s / step_s)
-        bases = self._bases(np.arange(parts + 1) / parts, 2).swapaxes(1, 2)
-        # Each node is the end of one part and the start of the next: the last end alone counts.
-        even = (bases @ self.coefficients.reshape(6, -1)).reshape(2, parts + 1, 3, count)
-        height, rate = (
-            np.append(one[: parts * count].reshape(parts, count).T, one[-1])
-            for one in _height(*even.swapaxes(1, 2).reshape(2, 3, -1))
-        )
-        return self.start_t_s + self.step_s / parts * np.arange(count * parts + 1), height, rate
-
-    def _bases(self, s: Array, orders: int) -> Array:
-        """Return the powers (orders, 6, n) of `s` and their derivatives by time."""
-        bases = np.zeros((orders, 6, len(s)))
-        bases[0, 0] = 1.0
-        for k in range(1, 6):
-            np.multiply(bases[0, k - 1], s, out=bases[0, k])
-        for order in range(1, orders):
-            bases[order, 1:] = bases[order - 1, :-1] * (_ORDER / self.step_s)
-        return bases
-
-    def height(self, t_s: Array, orders: int) -> list[Array]:
-        """Return the sine of the true elevation and its rates, `orders` in all (2 or 3)."""
-        return _height(*self.at(t_s, orders))
-
-
-def _height(position: Array, velocity: Array, *bend: Array) -> list[Array]:
-    """Return the sine of the elevation, its rate, and with the acceleration the second one."""
-    square = np.einsum("cn,cn->n", position, position)
-    away = np.einsum("cn,cn->n", position, velocity)
-    length = np.sqrt(square)
-    height, rate = position[2] / length, (velocity[2] - position[2] * away / square) / length
-    if not bend:
-        return [height, rate]
-    speed = np.einsum("cn,cn->n", velocity, velocity) + np.einsum("cn,cn->n", position, bend[0])
-    longer = (speed - away * away / square) / length
-    return [height, rate, (bend[0][2] - 2.0 * rate * away / length - height * longer) / length]
-
-
-def _turning(
-    motion: _Motion,
-    low: Array,
-    high: Array,
-    rates: tuple[Array, Array],
-) -> tuple[Array, Array]:
-    """Return where the height turns between `low` and `high` (n,), by its rates there, and it."""
-    at = low + (high - low) * rates[0] / (rates[0] - rates[1])
-    for _ in range(_NEWTON):
-        height, rate, bend = motion.height(at, 3)
-        step_s = rate / np.where(bend == 0.0, 1e-30, bend)
-        at = np.minimum(np.maximum(at - step_s, low), high)
-        if np.all(np.abs(step_s) < _SETTLED_S):
-            return at, height - 0.5 * step_s * rate
-    at = roots_between(lambda t_s: motion.height(t_s, 2)[1], low, high, _TIME_TOLERANCE_S)
-    return at, motion.height(at, 2)[0]
-
-
-def _crossings(
-    motion: _Motion,
-    sine: float,
-    ends: tuple[Array, Array],
-    heights: tuple[Array, Array],
-) -> Array:
-    """Return where the height crosses the mask between `ends` (n,), above it by `heights` there."""
-    low, high = ends
-    crossings = low + (high - low) * heights[0] / (heights[0] - heights[1])
-    for _ in range(_NEWTON):
-        height, rate = motion.height(crossings, 2)
-        late_s = (height - sine) / np.where(rate == 0.0, 1e-30, rate)
-        crossings = np.minimum(np.maximum(crossings - late_s, low), high)
-        if np.all(np.abs(late_s) < _SETTLED_S):
-            return crossings
-    # Newton's steps went astray near a peak at the mask.
-    return roots_between(lambda t_s: motion.height(t_s, 2)[0] - sine, low, high, _TIME_TOLERANCE_S)
+def _motion(track: TopocentricTrack, start_t_s: float, duration_s: float) -> SkyMotion:
+    count = math.ceil(duration_s / _node_step_s(track)) + 1
+    times = np.linspace(start_t_s, start_t_s + duration_s, max(count, 2))
+    h = float(times[1] - times[0])
+    p, v, a = (part * h**k for k, part in enumerate(_seen(track, times)[0]))
+    first, gained = 0.5 * a[:, :-1], v[:, 1:] - v[:, :-1] - a[:, :-1]
+    moved, bent = p[:, 1:] - p[:, :-1] - v[:, :-1] - first, a[:, 1:] - a[:, :-1]
+    rest = np.tensordot(_QUINTIC, np.array([moved, gained, bent]), axes=1)
+    return SkyMotion(start_t_s, h, np.concatenate([np.array([p[:, :-1], v[:, :-1], first]), rest]))
 
 
 def _seen(track: TopocentricTrack, t_s: Array) -> tuple[list[Array], Array]:
@@ -263,31 +133,6 @@ def _node_step_s(track: TopocentricTrack) -> float:
     e = elements.eccentricity
     fastest_rad_s: float = elements.mean_motion_rad_s * (1.0 + e) ** 2 / (1.0 - e * e) ** 1.5
     return min(_NODE_RAD / fastest_rad_s, _LONGEST_NODE_S)
-
-
-def _below(horizon: Horizon) -> float:
-    """Return an elevation below all of a horizon, so that every crossing of it is found."""
-    return float(np.min(horizon(np.linspace(0.0, 2.0 * np.pi, _HORIZON_POINTS)))) - _HORIZON_MARGIN_RAD
-
-
-def _stays_above(
-    track: TopocentricTrack, rise_s: float, set_s: float, horizon: Horizon, knots: Array
-) -> list[tuple[float, float]]:
-    """Return the parts of a stay above the horizon's lowest point that are above the horizon."""
-    # With the turning points, so that a short peak above a hill is not stepped over.
-    times = np.unique(np.concatenate([_even(rise_s, set_s), knots[(knots > rise_s) & (knots < set_s)]]))
-
-    def height(t_s: Array) -> Array:
-        looks = track.sample(t_s)
-        return np.asarray(looks.elevation_rad - horizon(looks.azimuth_rad))
-
-    above = height(times) > 0.0
-    change = np.flatnonzero(above[1:] != above[:-1])
-    edges = roots_between(height, times[change], times[change + 1], _TIME_TOLERANCE_S).tolist()
-    ends = [rise_s, *edges, set_s]
-    # Between two edges the target is above or below throughout; they alternate.
-    inside = [bool(above[0]) == (number % 2 == 0) for number in range(len(ends) - 1)]
-    return [(a, b) for (a, b), clear in zip(itertools.pairwise(ends), inside, strict=True) if clear and b > a]
 
 
 def passes_with_present(
@@ -352,34 +197,22 @@ def _edge(t_s: float) -> str:
     return utc_text(t_s) if math.isfinite(t_s) else "any time"
 
 
-def _described(
-    track: TopocentricTrack,
-    motion: _Motion,
-    stays: list[tuple[float, float]],
-    peaks: Array,
-    ends: tuple[float, float],
-    sine: float | None,
-) -> list[Pass]:
+def _described(track: TopocentricTrack, motion: SkyMotion, stays: Stays, sine: float | None) -> list[Pass]:
     """Return the stays with their extremes, all sampled together.
 
     Ends and peak, where an antenna waits and what a pass is chosen by, are those of the track; ends
     within the search are first moved to where it crosses the mask at `sine`, None if they do.
     """
-    if not stays:
+    rise, fall = stays.rise, stays.fall
+    if not len(rise):
         return []
-    rise, fall = np.array(stays).T
-    inside = [peaks[(peaks > low) & (peaks < high)] for low, high in stays]
-    place = np.concatenate([rise, fall, *inside])
-    height = motion.height(place, 2)[0]
-    row = np.concatenate([*np.tile(np.arange(len(stays)), (2, 1)),
-                          np.repeat(np.arange(len(stays)), [len(one) for one in inside])])  # fmt: skip
-    best = np.lexsort((height, row))[np.cumsum(np.bincount(row)) - 1]
-    times = np.concatenate([rise, place[best], fall]).reshape(3, -1)
-    free = np.array([rise != ends[0], best >= 2 * len(stays), fall != ends[1]])
+    peak, turns = stays.highest(motion)
+    before, after = stays.cut_off
+    times, free = np.array([rise, peak, fall]), np.array([~before, turns, ~after])
     times, exact, range_m = _exact(track, times, free, sine)
     # Where the peak is an end, half of the points coincide there.
-    before, after = (np.outer(times[k] - times[1], _PROFILE) for k in (0, 2))
-    rows = times[1][:, np.newaxis] + np.concatenate([before[:, ::-1], np.zeros((len(rise), 1)), after], axis=1)
+    rising, setting = (np.outer(times[k] - times[1], _PROFILE) for k in (0, 2))
+    rows = times[1][:, np.newaxis] + np.concatenate([rising[:, ::-1], np.zeros((len(rise), 1)), setting], axis=1)
     sampled = [one.reshape(3, *rows.shape) for one in motion.at(rows.ravel(), 3)]
     # A square that is smallest is minus it largest.
     square, farther = (np.einsum("cnk,cnk->nk", sampled[0], one) for one in sampled[:2])
@@ -405,7 +238,9 @@ def _described(
         np.array([np.copysign(bend, bend * turning), np.copysign(lift, lift * rate), -2.0 * farther]),
     )  # fmt: skip
     most = turn, lifting, np.maximum(bending.max(axis=0), np.abs(bend).max(axis=1)), np.sqrt(-near) + off_m
-    extremes = zip(*times.tolist(), azimuth, up, *(one.tolist() for one in most), strict=True)
+    extremes = zip(
+        *times.tolist(), before.tolist(), after.tolist(), azimuth, up, *(one.tolist() for one in most), strict=True
+    )
     return [
         Pass(
             name=track.name, aos_t_s=rise_s, tca_t_s=top, los_t_s=set_s,
@@ -414,16 +249,16 @@ def _described(
             azimuth_min_rad=float(around.min()), azimuth_max_rad=float(around.max()),
             peak_azimuth_rate_rad_s=turn, peak_elevation_rate_rad_s=lifting,
             peak_azimuth_acceleration_rad_s2=bent, smallest_range_m=near,
-            rises_before=rise_s == ends[0], sets_after=set_s == ends[1],
+            rises_before=early, sets_after=late,
         )
-        for rise_s, top, set_s, around, high, turn, lifting, bent, near in extremes
+        for rise_s, top, set_s, early, late, around, high, turn, lifting, bent, near in extremes
     ]  # fmt: skip
 
 
 def _exact(
     track: TopocentricTrack,
     times: Array,
-    free: Flags,
+    free: BoolArray,
     sine: float | None,
 ) -> tuple[Array, list[Array], Array]:
     """Return rise, peak and set (3, n) of the track, its motion there, and the range at the peaks.
@@ -432,7 +267,7 @@ def _exact(
     """
     for _ in range(_MOST_EXACT):
         seen, range_m = _seen(track, times.ravel())
-        height, rate, bend = (part.reshape(times.shape) for part in _height(*seen))
+        height, rate, bend = (part.reshape(times.shape) for part in height_of(*seen))
         late_s = np.where(free, rate / np.where(bend == 0.0, 1e-30, bend), 0.0)
         late_s[::2] = 0.0
         if sine is not None:
@@ -463,8 +298,3 @@ def _largest(times: Array, value: Array, slope: Array) -> Array:
 
 def _without_jerk(position: Array, velocity: Array, acceleration: Array) -> StateVector:
     return StateVector(position, velocity, acceleration, position)
-
-
-def _even(aos_t_s: float, los_t_s: float) -> Array:
-    count = int(np.clip(np.ceil((los_t_s - aos_t_s) / _PROFILE_STEP_S) + 1, 2, _PROFILE_POINTS))
-    return np.linspace(aos_t_s, los_t_s, count)

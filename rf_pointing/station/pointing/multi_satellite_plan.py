@@ -33,7 +33,7 @@ from rf_pointing.ephemeris import (
     find_catalogue_passes,
     find_passes,
 )
-from rf_pointing.ephemeris.passes import Horizon
+from rf_pointing.ephemeris.stays import Horizon
 from rf_pointing.planning import (
     AxisLimits,
     Candidate,

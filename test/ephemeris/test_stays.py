@@ -1,11 +1,12 @@
-"""Passes on a grid, in closed form: a dip below the mask between two grid points separates two passes."""
+"""Stays of many objects in closed form: cut by the search and by dips, and straight flights."""
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 import pytest
 
-from rf_pointing.ephemeris.grid_passes import MARGIN, SampledSky, passes_on_grid
+from rf_pointing.ephemeris.stays import LEAN, SkyMotion, stays_above
 
 STEP_S, COUNT = 60.0, 24
 MIDDLE_S = STEP_S * (COUNT / 2 + 0.5)
@@ -14,27 +15,37 @@ SINE_MASK, DIP_S, OUTER_S = 0.1, 20.0, 600.0
 RANGE_M = 2e6
 
 
-def of_sine(sine_of: Callable[[np.ndarray], np.ndarray]) -> SampledSky:
-    x = STEP_S * np.arange(-MARGIN, COUNT + MARGIN + 1)
-    sine = sine_of(x)
-    enu = RANGE_M * np.column_stack([np.zeros_like(x), np.sqrt(1.0 - sine**2), sine])
-    return SampledSky(enu[None], 0.0, STEP_S)
-
-
-def test_a_dip_between_two_grid_points_separates_two_passes() -> None:
-    """One object whose sine of elevation is above the mask between 20 and 600 s on both sides of the middle."""
-    sky = of_sine(lambda x: SINE_MASK + 4e-13 * ((x - MIDDLE_S) ** 2 - DIP_S**2) * (OUTER_S**2 - (x - MIDDLE_S) ** 2))
-    found = passes_on_grid(sky, np.array([True]), STEP_S * COUNT, SINE_MASK)
-    order = np.argsort(found.aos_s)
-    assert not found.rises_before.any()
-    assert not found.sets_after.any()
-    peak_s = np.sqrt(0.5 * (DIP_S**2 + OUTER_S**2))
-    assert found.aos_s[order] - MIDDLE_S == pytest.approx([-OUTER_S, DIP_S], abs=0.02)
-    assert found.los_s[order] - MIDDLE_S == pytest.approx([-DIP_S, OUTER_S], abs=0.02)
-    assert found.tca_s[order] - MIDDLE_S == pytest.approx([-peak_s, peak_s], abs=0.1)
-
-
 END_S = STEP_S * COUNT
+
+
+class Found(NamedTuple):
+    row: np.ndarray
+    aos_s: np.ndarray
+    tca_s: np.ndarray
+    los_s: np.ndarray
+    rises_before: np.ndarray
+    sets_after: np.ndarray
+
+
+def found_in(motion: SkyMotion, sine: float = SINE_MASK) -> Found:
+    """Return the stays with times of their own objects."""
+    stays = stays_above(motion, sine, motion.step_s / 4.0)
+    row = motion.objects_at(stays.rise)
+    own = (t_s - row * motion.period_s for t_s in (stays.rise, stays.highest(motion)[0], stays.fall))
+    return Found(row, *own, *stays.cut_off)
+
+
+def grid_s(step_s: float = STEP_S, count: int = COUNT) -> np.ndarray:
+    return step_s * np.arange(-LEAN[0], count + LEAN[1])
+
+
+def of_sines(sine: np.ndarray) -> SkyMotion:
+    enu = RANGE_M * np.stack([np.zeros_like(sine), np.sqrt(1.0 - sine**2), sine], axis=-1)
+    return SkyMotion.through(enu, 0.0, STEP_S)
+
+
+def of_sine(sine_of: Callable[[np.ndarray], np.ndarray]) -> SkyMotion:
+    return of_sines(sine_of(grid_s())[None])
 
 
 @pytest.mark.parametrize(
@@ -60,7 +71,7 @@ def test_a_stay_is_cut_at_the_ends_of_the_search_and_found_within_its_first_and_
             - 0.1 * (1.0 - (half_s / max(half_s, 400.0)) ** 2)
         )
     )
-    found = passes_on_grid(sky_, np.array([True]), END_S, SINE_MASK)
+    found = found_in(sky_)
     assert len(found.row) == 1
     assert (found.aos_s[0], found.los_s[0]) == pytest.approx((wanted[0], wanted[2]), abs=0.01)
     assert found.tca_s[0] == pytest.approx(wanted[1], abs=0.1)
@@ -71,14 +82,18 @@ def test_a_stay_is_cut_at_the_ends_of_the_search_and_found_within_its_first_and_
 def test_positions_between_the_grid_points_are_those_of_a_polynomial_of_the_ninth_degree() -> None:
     rng = np.random.default_rng(6)
     curves = [np.polynomial.Polynomial(rng.standard_normal(10), domain=[0.0, END_S]) for _ in range(6)]
-    x = STEP_S * np.arange(-MARGIN, COUNT + MARGIN + 1)
+    x = grid_s()
     grid = np.array([[curves[3 * row + axis](x) for axis in range(3)] for row in range(2)])
-    sampled = SampledSky(1e6 * np.moveaxis(grid, 1, 2), 0.0, STEP_S)
-    rows, times = np.array([0, 1, 1, 0, 1]), np.array([0.0, 17.0, 700.3, END_S - 1.0, END_S])
-    wanted = [[1e6 * curves[3 * row + axis](t_s) for axis in range(3)] for row, t_s in zip(rows, times, strict=True)]
-    np.testing.assert_allclose(sampled.position_m(rows, times), wanted, rtol=1e-7)
-    places = np.array(wanted)
-    np.testing.assert_allclose(sampled.sine(rows, times), places[:, 2] / np.linalg.norm(places, axis=1), rtol=1e-6)
+    sampled = SkyMotion.through(1e6 * np.moveaxis(grid, 1, 2), 0.0, STEP_S)
+    rows, times = np.array([0, 1, 1, 0, 1, 0]), np.array([0.0, 17.0, 700.3, END_S - 1.0, END_S, END_S])
+    place, velocity = sampled.at(times + rows * sampled.period_s, 2)
+    for order, ours in enumerate((place, velocity)):
+        wanted = [
+            [1e6 * curves[3 * row + axis].deriv(order)(t_s) for axis in range(3)]
+            for row, t_s in zip(rows, times, strict=True)
+        ]
+        np.testing.assert_allclose(ours.T, wanted, rtol=1e-7, atol=1e-3)
+    np.testing.assert_array_equal(sampled.objects_at(times + rows * sampled.period_s), rows)
 
 
 def test_a_stay_with_two_maxima_is_one_pass_at_the_higher_one() -> None:
@@ -89,7 +104,7 @@ def test_a_stay_with_two_maxima_is_one_pass_at_the_higher_one() -> None:
             off = x - MIDDLE_S
             return SINE_MASK + 4e-13 * (off**2 + 150.0**2) * (OUTER_S**2 - off**2) * (1.0 + sign * 2e-4 * off)
 
-        found = passes_on_grid(of_sine(sine_of), np.array([True]), END_S, SINE_MASK)
+        found = found_in(of_sine(sine_of))
         assert len(found.row) == 1
         assert (found.aos_s[0], found.los_s[0]) == pytest.approx((MIDDLE_S - OUTER_S, MIDDLE_S + OUTER_S), abs=0.01)
         fine = np.arange(0.0, END_S, 0.1)
@@ -98,8 +113,8 @@ def test_a_stay_with_two_maxima_is_one_pass_at_the_higher_one() -> None:
 
 
 def test_each_of_many_objects_has_its_own_passes_whatever_the_others_do() -> None:
-    """Two hundred of them, with one, two or no parabola above the mask; every third is not searched."""
-    rng, x = np.random.default_rng(8), STEP_S * np.arange(-MARGIN, COUNT + MARGIN + 1)
+    """Two hundred of them, with one, two or no parabola above the mask."""
+    rng, x = np.random.default_rng(8), grid_s()
     sines, wanted = [], []
     for row in range(200):
         first = rng.uniform(200.0, 450.0)
@@ -110,16 +125,13 @@ def test_each_of_many_objects_has_its_own_passes_whatever_the_others_do() -> Non
         for top, height in zip(tops, heights, strict=True):
             sine = np.maximum(sine, SINE_MASK + height - 0.3 * ((x - top) / 300.0) ** 2)
         sines.append(sine)
-        if row % 3:
-            wanted += [(row, top, 300.0 * np.sqrt(height / 0.3)) for top, height in zip(tops, heights, strict=True)]
-    sine = np.array(sines)
-    enu = RANGE_M * np.stack([np.zeros_like(sine), np.sqrt(1.0 - sine**2), sine], axis=-1)
-    found = passes_on_grid(SampledSky(enu, 0.0, STEP_S), np.arange(200) % 3 > 0, END_S, SINE_MASK)
+        wanted += [(row, top, 300.0 * np.sqrt(height / 0.3)) for top, height in zip(tops, heights, strict=True)]
+    found = found_in(of_sines(np.array(sines)))
     order = np.lexsort((found.tca_s, found.row))
     assert found.row[order].tolist() == [row for row, *_ in wanted]
     # The corner between two parabolas is none of a polynomial: it is felt four steps away.
     np.testing.assert_allclose(found.tca_s[order], [top for _, top, _ in wanted], atol=20.0)
-    np.testing.assert_allclose(found.aos_s[order], [top - half for _, top, half in wanted], atol=25.0)
+    np.testing.assert_allclose(found.aos_s[order], [max(top - half, 0.0) for _, top, half in wanted], atol=25.0)
     np.testing.assert_allclose(found.los_s[order], [top + half for _, top, half in wanted], atol=25.0)
 
 
@@ -128,14 +140,14 @@ def test_straight_flights_overhead_are_found_above_any_mask_however_far_the_grid
     """500 km high, 7.5 km/s, steps of 4 min, 1800 km: two minutes before its peak at 88 deg one is seen at 29 deg."""
     step_s, height_m, speed_m_s = 240.0, 5e5, 7500.0
     rng = np.random.default_rng(9)
-    t_s = step_s * np.arange(-MARGIN, 12 + MARGIN + 1)
+    t_s = grid_s(step_s, 12)
     peak_s, miss_m = rng.uniform(900.0, 1900.0, 60), rng.uniform(-6e4, 6e4, 60)
     # On a path that sinks: below the horizon it goes on, as over a flat Earth that ends.
     along = speed_m_s * (t_s - peak_s[:, None])
     up = height_m - along**2 / (2.0 * 6.8e6)
     enu = np.stack([along, np.broadcast_to(miss_m[:, None], along.shape), up], axis=-1)
     sine = np.sin(np.radians(mask_deg))
-    found = passes_on_grid(SampledSky(enu, 0.0, step_s), np.ones(60, dtype=bool), 12 * step_s, sine)
+    found = found_in(SkyMotion.through(enu, 0.0, step_s), sine)
     # Where up = sine * distance: the root of an even function of the way.
     halves = []
     for miss in miss_m.tolist():
@@ -159,7 +171,7 @@ def test_straight_flights_overhead_are_found_above_any_mask_however_far_the_grid
 def test_a_stay_that_is_on_throughout_is_cut_by_a_dip_between_two_grid_points(dip_s: float) -> None:
     """No grid point is below the mask: one part goes on from before the search, the other beyond it."""
     whole = of_sine(lambda x: SINE_MASK + 2e-7 * ((x - dip_s) ** 2 - DIP_S**2))
-    found = passes_on_grid(whole, np.array([True]), END_S, SINE_MASK)
+    found = found_in(whole)
     order = np.argsort(found.aos_s)
     assert found.aos_s[order] == pytest.approx([0.0, dip_s + DIP_S], abs=0.01)
     assert found.los_s[order] == pytest.approx([dip_s - DIP_S, END_S], abs=0.01)
