@@ -165,7 +165,7 @@ def seen_of(elements: Elements, track: TopocentricTrack, first_s: float, last_s:
     """Return one pass."""
     times = np.arange(np.ceil(first_s), last_s, 1.0 / rate_hz)
     look = track.sample(times)
-    at = ReferenceTrack(**{name: getattr(look, name) for name in ReferenceTrack.__dataclass_fields__})
+    at = ReferenceTrack.of(look)
     around = (times + STENCIL_S * np.array([[-1.0], [0.0], [1.0]])).ravel()
     near = track.sample(around)
     angles = np.stack([near.azimuth_rad, near.elevation_rad]).reshape(2, 3, -1)
@@ -177,7 +177,7 @@ def seen_of(elements: Elements, track: TopocentricTrack, first_s: float, last_s:
     ]
     grid = np.arange(times[0] - 60.0, times[-1] + 60.0, recorded_input.REFERENCE_STEP_S)
     sampled = track.sample(grid)
-    reference = ReferenceTrack(**{name: getattr(sampled, name) for name in ReferenceTrack.__dataclass_fields__})
+    reference = ReferenceTrack.of(sampled)
     shape = (3, len(times), 3)
     return Seen(
         reference, elements.name, at, angles, apparent.reshape(shape), tuple(one.reshape(shape) for one in fields)

@@ -63,6 +63,7 @@ class CandidatePass:
             observed_elevation_rad=track.elevation_rad,
             sigma_azimuth_rad=sigma,
             sigma_elevation_rad=sigma,
+            mount=track.mount,
             **track.truth(),
         )
 
@@ -173,9 +174,7 @@ class _Table:
         azimuth = np.array([slew.ends_rad(t.azimuth_rad) for t in tracks])
         elevation = np.array([(t.elevation_rad[0], t.elevation_rad[-1]) for t in tracks])
         self._from, self._to = np.moveaxis(np.stack([azimuth, elevation], axis=-1), 1, 0)
-        self._counts = np.array(
-            [rule.coverage(t.azimuth_rad, t.elevation_rad).counts for t in tracks]
-        )
+        self._counts = np.array([rule.coverage(*t.sky_rad()).counts for t in tracks])
 
     def gain(self, filled: Counts, more: Counts) -> Counts:
         """Return how many points `more` (..., sectors) brings where they are missing."""

@@ -9,12 +9,12 @@ import errno
 import math
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import fields
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from rf_pointing.calibration.observations import Observations
+from rf_pointing.calibration.observations import COLUMNS, Observations
 from rf_pointing.calibration.raw_tracking import RawTracking
 from rf_pointing.core import from_degrees, to_degrees
 from rf_pointing.core.types import Array
@@ -51,11 +51,11 @@ def read_tracking(path: str | Path) -> RawTracking:
 
 def read_observations(path: str | Path) -> Observations:
     """Read calibration points; raises ValueError naming the file, and the line of a damaged one."""
-    needed = [to_degrees(name, 0.0)[0] for name in _point_columns() if name not in _POINT_OPTIONAL]
+    needed = [to_degrees(name, 0.0)[0] for name in COLUMNS if name not in _POINT_OPTIONAL]
     notes, table = _read_table(path, _NOTES[:2], needed, _POINT_OPTIONAL)
     for kind in ("observed_", "true_"):
         _refuse_radians(path, table, kind)
-    columns = {}
+    columns: dict[str, Any] = {}
     for name, value in table.items():
         # `from_degrees` knows which names end in degrees; the values are converted as an array.
         core, _ = from_degrees(name, 0.0)
@@ -173,14 +173,10 @@ def _refuse_radians(path: str | Path, columns: Mapping[str, Array], kind: str) -
         )
 
 
-def _point_columns() -> tuple[str, ...]:
-    return tuple(item.name for item in fields(Observations) if item.name not in ("station", "band"))
-
-
 def _head_and_lines(points: Observations) -> tuple[str, str]:
     """Return the text of the file, angles in degrees, as head and rows."""
     columns = {}
-    for name in _point_columns():
+    for name in COLUMNS:
         value = getattr(points, name)
         if value is not None:
             # `to_degrees` knows which names are angles; the values are converted as an array.

@@ -29,9 +29,12 @@ from rf_pointing.core.signals import Target
 from rf_pointing.core.types import Array, Pair
 
 Triple = tuple[Array, Array, Array]
+Pair2 = tuple[Array, Array]
 EAST, NORTH, UP = range(3)
 # Closer to a pole of the Earth an hour angle has no zero.
 POLAR_RAD = math.radians(89.9)
+# Difference of two verticals that are the same: 0.06 deg of latitude.
+LIKE_UP = 1e-3
 
 
 class Turn(NamedTuple):
@@ -105,6 +108,17 @@ class Kinematics(Params):
         """Names of the lower and the upper axis."""
         return MOUNTS[self.type].axes
 
+    @property
+    def words(self) -> str:
+        """Kind of the mount and, where it matters, the direction of its lower axis."""
+        lies = f" with its lower axis {self.lower_axis}" if MOUNTS[self.type].reversed_by else ""
+        return f"of type {self.type}{lies}"
+
+    def same_axes(self, other: "Kinematics") -> bool:
+        """Return whether the axes lie alike; the azimuth to which a tilt leans does not count."""
+        alike = np.allclose(self.matrix[UP], other.matrix[UP], rtol=0.0, atol=LIKE_UP)
+        return self.words == other.words and bool(alike)
+
     @cached_property
     def matrix(self) -> Array:
         """The fixed rotations B (3, 3): its columns are the mount's right, ahead and pole."""
@@ -149,6 +163,34 @@ class Kinematics(Params):
         """Return azimuth and elevation of the poles at or above the horizon: 1 or 2."""
         ends = [self.sky_at(0.0, side * 0.5 * math.pi) for side in (1.0, -1.0)]
         return [end for end in ends if end[1] > -1e-9]
+
+    def directions(self, first_rad: Array, second_rad: Array) -> Pair2:
+        """Return azimuth and elevation (n,) of axis angles (n,); level axes as they are."""
+        if self.level:
+            return first_rad, second_rad
+        azimuth, elevation = self.skies(np.stack([first_rad, second_rad], axis=-1)).T
+        return azimuth, elevation
+
+    def lift(self, first_rad: Array, second_rad: Array) -> Pair2:
+        """Return by what the axes turn where the beam is lifted by the cosine of its elevation.
+
+        That is what a pull of one along the vertical does: z' e_1 / cos b and z' e_2 with the unit
+        vectors e along the axes; to azimuth and elevation nothing and cos El.
+        """
+        (right, ahead, pole), sine, cosine = self.matrix[UP], np.sin(first_rad), np.cos(first_rad)
+        across = (right * cosine - ahead * sine) / np.cos(second_rad)
+        along = pole * np.cos(second_rad) - (right * sine + ahead * cosine) * np.sin(second_rad)
+        return across, along
+
+    def risen(self, first_rad: Array, second_rad: Array, by_rad: Array) -> Array:
+        """Return the change (2, n) of the axes where a beam at these angles rises a little."""
+        if self.level:
+            # Upward on the sky is downward on the axis of a dish over the top.
+            return np.stack([0.0 * by_rad, np.where(second_rad > 0.5 * math.pi, -by_rad, by_rad)])
+        across, along = self.lift(first_rad, second_rad)
+        # At the zenith nothing rises: what air and ionosphere bend ends there.
+        size = np.maximum(np.hypot(across * np.cos(second_rad), along), 1e-9)
+        return np.stack([across, along]) * by_rad / size
 
     def leaning_from(self, azimuth_rad: float) -> tuple[Self, ...]:
         """Return the mounts to choose from for a pass that culminates at an azimuth.

@@ -9,7 +9,7 @@ scan: where the encoders are meanwhile is part of the scan.
 import math
 from collections import Counter, deque
 from collections.abc import Collection
-from dataclasses import fields, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -26,6 +26,7 @@ from rf_pointing.calibration import (
     SectorRule,
     fit_bias_model,
 )
+from rf_pointing.calibration.observations import COLUMNS as OBSERVED
 from rf_pointing.core import MDEG, JointReading, Motion, PointingError, Target, nearest_turn_rad
 from rf_pointing.core.signals import TimeBuffer
 from rf_pointing.core.types import Array
@@ -43,7 +44,7 @@ FEWEST = 30
 SHOWN_REASONS = 3
 MOST_REASONS = 100
 BLOCK_ROWS = 256
-COLUMNS = tuple(each.name for each in fields(Observations) if each.name not in ("station", "band", "temperature_k"))
+COLUMNS = tuple(name for name in OBSERVED if name != "temperature_k")
 """Columns of an observation that is taken here, without temperature."""
 TEMPERATURE_S = 3600.0
 """Age up to which a temperature counts: that of a mount follows the day."""
@@ -333,5 +334,5 @@ class CalibrationLog:
             "range_m": np.interp(error.t_s, times, ranges),
             "range_rate_m_s": np.interp(error.t_s, times, rates),
         }
-        columns = {name: np.array([value], dtype=np.float64) for name, value in single.items()}
+        columns: dict[str, Any] = {name: np.array([value]) for name, value in single.items()}
         return Observations(station=self.station, band=self.band, pass_id=np.array([pass_id]), **columns)

@@ -7,11 +7,12 @@ for the lags, slow ones at 3000 km.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from rf_pointing.calibration import CandidatePass, ReferenceTrack
+from rf_pointing.calibration.reference import COLUMNS
 from rf_pointing.core import MDEG, Params, parameter
 from rf_pointing.core.constants import EARTH_MU_M3_S2, EARTH_RADIUS_M
 from rf_pointing.core.refraction import RadioRefraction
@@ -62,7 +63,7 @@ def _arcs_of(track: TopocentricTrack, start_t_s: float, duration_s: float, rules
     found: list[CandidatePass] = []
     for begin, end in _visible(track, start_t_s, duration_s, rules):
         look = track.sample(np.arange(begin - rules.lead_s, end + 0.5 * rules.spacing_s, rules.spacing_s))
-        whole = ReferenceTrack(**{item.name: getattr(look, item.name) for item in fields(ReferenceTrack)})
+        whole = ReferenceTrack.of(look)
         fast_s = whole.t_s[np.abs(whole.azimuth_rate_rad_s) > rules.fastest_rad_s]
         found += [
             _candidate(track.name, whole, a, b, rules)
@@ -131,5 +132,5 @@ def _cut(begin: float, end: float, rules: ArcRules) -> list[tuple[float, float]]
 
 def _candidate(name: str, whole: ReferenceTrack, begin: float, end: float, rules: ArcRules) -> CandidatePass:
     rows = (whole.t_s >= begin - 1e-3) & (whole.t_s <= end + 1e-3)
-    part = ReferenceTrack(**{item.name: getattr(whole, item.name)[rows] for item in fields(ReferenceTrack)})
+    part = replace(whole, **{name: getattr(whole, name)[rows] for name in COLUMNS})
     return CandidatePass(name=name, track=part, sigma_rad=rules.sigma_rad)

@@ -74,4 +74,4 @@ def reference_of(
     low, high = np.percentile(times, [2.0, 98.0])
     margin = 0.1 * (high - low) + 30.0
     look = track.sample(np.arange(low - margin, high + margin, REFERENCE_STEP_S))
-    return ReferenceTrack(**{name: getattr(look, name) for name in ReferenceTrack.__dataclass_fields__})
+    return ReferenceTrack.of(look)
