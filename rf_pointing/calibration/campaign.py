@@ -90,11 +90,11 @@ class Slew(Params):
     )
 
     def check_together(self) -> None:
-        """Refuse a travel that is not a pair, or is less than a turn."""
+        """Refuse a travel that is not a pair."""
         if self.travel_rad and (
-            len(self.travel_rad) != 2 or self.travel_rad[1] - self.travel_rad[0] < _TURN
+            len(self.travel_rad) != 2 or self.travel_rad[1] <= self.travel_rad[0]
         ):
-            raise ValueError(f"travel_rad={self.travel_rad} must be two ends at least a turn apart")
+            raise ValueError(f"travel_rad={self.travel_rad} must be two ends, the lower one first")
 
     def ends_rad(self, azimuth_rad: Array) -> tuple[float, float]:
         """Return first and last azimuth of a pass (n,) on the turn that fits the travel best."""

@@ -12,7 +12,7 @@ from rf_pointing.calibration.noise import NoiseScale
 from rf_pointing.calibration.normal_equations import advice_for
 from rf_pointing.calibration.pass_errors import PassErrors, PassPriors, SharedErrors, Sharing
 from rf_pointing.core import require_finite
-from rf_pointing.core.kinematics import Kinematics
+from rf_pointing.core.kinematics import LEVEL, Kinematics
 from rf_pointing.core.types import Array
 
 # Correlation above which two fitted terms are reported as poorly separated.
@@ -78,7 +78,6 @@ class FitResult:
     form: str
     station: str
     band: str
-    mount: Kinematics
     condition: float
     residual_azimuth_rad: Array
     residual_elevation_rad: Array
@@ -103,6 +102,7 @@ class FitResult:
     nuisance_values: Array
     nuisance_covariance: Array
     priors: Mapping[str, Prior]
+    mount: Kinematics = LEVEL
 
     @cached_property
     def sigma(self) -> Array:
