@@ -8,7 +8,8 @@ of a normal distribution by more than chance: a two-sided exact binomial test at
 together (Sidak), so 0.18 % for each, which for 300 trials is 59.7 to 76.3 % and 91.3 to 98.7 %.  NEES is the mean of
 e' C^-1 e of all terms together, by their number: 1 +/- sqrt(2 / (14 T)) for a covariance that is right.
 
---mount x_y, ha_dec or azimuth_elevation_tilt plants the terms of such a mount and records the angles of its axes.
+--points fits points with white noise instead.  --mount x_y, ha_dec or azimuth_elevation_tilt plants the terms of such
+a mount and records the angles of its axes.
 
 Orbit errors are those of elements: along the track (mean anomaly), across it (inclination, node) and in height
 (eccentricity vector), propagated by SGP4; every pass has its own, as passes of different days have.
@@ -31,7 +32,16 @@ from numpy.typing import NDArray  # noqa: E402
 from scipy.signal import lfilter  # noqa: E402
 from scipy.stats import binomtest  # noqa: E402
 
-from rf_pointing.calibration import BiasModel, FitResult, RawTracking, ReferenceTrack, TrackedPass  # noqa: E402
+from rf_pointing.calibration import (  # noqa: E402
+    BiasModel,
+    FitOptions,
+    FitResult,
+    Observations,
+    RawTracking,
+    ReferenceTrack,
+    TrackedPass,
+    fit_bias_model,
+)  # fmt: skip
 from rf_pointing.calibration.terms import MOUNT_TERMS, names_of  # noqa: E402
 from rf_pointing.core import MDEG, azel_from_unit_vector, random_stream, unit_vector_from_azel, wrap_rad  # noqa: E402
 from rf_pointing.core.kinematics import LEVEL, Kinematics  # noqa: E402
@@ -315,6 +325,25 @@ def run_trials(
     return Outcome(*map(np.array, fitted), [row for row in rows if isinstance(row, str)])
 
 
+def points_of(seen: list[Seen], mount: BiasModel, axes: Kinematics, random: np.random.Generator) -> Observations:
+    """Return a point every 10 s of all passes with white noise and no other error."""
+    parts = []
+    for number, one in enumerate(seen):
+        rows = one.at.t_s[:: max(1, round(10.0 / (one.at.t_s[1] - one.at.t_s[0])))]
+        track = one.at.on(axes).at(rows)
+        motion, sigma = track.motion(), np.full(len(rows), NOISE_RAD)
+        noise = random.standard_normal((2, len(rows))) * [sigma / np.cos(motion[1]), sigma]
+        observed = np.stack(mount.apply(*motion)) + noise
+        parts.append(
+            Observations(
+                station=STATION.name, band=BAND, mount=axes, t_s=rows, pass_id=np.full(len(rows), number),
+                observed_azimuth_rad=observed[0], observed_elevation_rad=observed[1],
+                sigma_azimuth_rad=sigma / np.cos(motion[1]), sigma_elevation_rad=sigma, **track.truth(),
+            )
+        )  # fmt: skip
+    return Observations.concatenate(parts)
+
+
 def pulls(fit: FitResult, mount: BiasModel) -> Array:
     """Return (estimate - truth) / sigma of every term (14,), NaN for those that were not fitted."""
     names = tuple(mount.coefficients)
@@ -385,6 +414,21 @@ def describe(name: str, pull: Array, verbose: bool) -> str:
     return "\n".join(lines)
 
 
+def point_trials(options: argparse.Namespace) -> None:
+    """Print the same of fits of points with white noise: the terms and their partials alone."""
+    geometry, rows = [campaign(number, 1.0) for number in range(options.campaigns)], []
+    for trial in range(options.trials):
+        random = random_stream(options.seed + trial, "points")
+        axes = mount_at(options.mount, site(SITES[trial % options.campaigns % len(SITES)]))
+        mount = planted(random, axes)
+        points = points_of(geometry[trial % options.campaigns], mount, axes, random)
+        fit = fit_bias_model(points, options=FitOptions(form="rotation", edit_sigma=0.0))
+        rows.append((pulls(fit, mount), nees(fit, mount)))
+    pull, size = (np.array(each) for each in zip(*rows, strict=True))
+    print(describe(f"{options.mount}, points with white noise", pull, options.verbose))
+    print(f"    NEES {np.mean(size):.3f} +/- {np.std(size) / np.sqrt(len(size)):.3f}")
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--trials", type=int, default=300)
@@ -395,11 +439,15 @@ def main() -> None:
     parser.add_argument("--orbits", type=float, nargs="+", default=[0.0, 150.0, 1000.0])
     parser.add_argument("--mount", choices=tuple(MOUNTS), default=AZIMUTH_ELEVATION)
     parser.add_argument("--satellites", type=int, default=4, help="among which the passes are (default: 4)")
+    parser.add_argument("--points", action="store_true", help="fits of points with white noise, without raw data")
     parser.add_argument("--shared", action="store_true", help="one orbit error for all passes of a satellite")
     parser.add_argument("--all-terms", action="store_true", help="without the choice of terms")
     parser.add_argument("--keep", type=Path, help="directory of what was run, from which a run goes on")
     parser.add_argument("--verbose", action="store_true", help="every term")
     options = parser.parse_args()
+    if options.points:
+        point_trials(options)
+        return
     for rate, noise, orbit in product(options.rates, options.noise, options.orbits):
         case = Case(orbit, rate, noise == "correlated", options.shared)
         found = run_trials(
