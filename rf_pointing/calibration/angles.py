@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from rf_pointing.calibration import taylor
+from rf_pointing.calibration.mount import lift
 from rf_pointing.core.kinematics import Kinematics
 from rf_pointing.core.types import Array
 
@@ -62,7 +63,7 @@ class _Angles(ABC):
         # A mount that is not known has no vertical, and a guess bends the beam to any side.
         if self.mount is None:
             raise ValueError("mount=None must be given: the model has a flexure along the vertical")
-        return self.mount.lift(self.azimuth, self.elevation)
+        return lift(self.mount, self.azimuth, self.elevation)
 
     # Several terms share a sine; each is computed once for a million rows.
     def _keep(self, axis: str, multiple: int) -> tuple[Array, Array]:

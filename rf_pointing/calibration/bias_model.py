@@ -64,6 +64,7 @@ class BiasModel:
         # Degrees given for radians are 57 times too large: the limits are what shows them.
         for term in terms:
             require_between(term.name, self.coefficients[term.name], -term.limit, term.limit)
+        # Only these axes have their vertical where the model has its pole.
         if kind == AZIMUTH_ELEVATION and self.mount is None:
             object.__setattr__(self, "mount", LEVEL)
         ordered = {term.name: float(self.coefficients[term.name]) for term in terms}
@@ -100,6 +101,7 @@ class BiasModel:
     def on(self, mount: Kinematics) -> Self:
         """Return the model on a mount; ValueError for the terms of a mount of another kind."""
         own, kind = self.mount, mount_of(self.coefficients)
+        # No model is sent as one of zeros, whatever the mount.
         if not self._acting:
             return type(self).zero(mount)
         if kind != mount.type or (own and not own.same_axes(mount)):

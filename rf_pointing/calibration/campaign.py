@@ -91,6 +91,7 @@ class Slew(Params):
 
     def check_together(self) -> None:
         """Refuse a travel that is not a pair."""
+        # Less than a turn is right: the axes of an X-Y mount stop short of the horizon.
         if self.travel_rad and (
             len(self.travel_rad) != 2 or self.travel_rad[1] <= self.travel_rad[0]
         ):

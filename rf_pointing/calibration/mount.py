@@ -18,6 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rf_pointing.calibration import taylor
+from rf_pointing.core.kinematics import UP, Kinematics
 from rf_pointing.core.types import Array
 
 
@@ -121,6 +122,28 @@ def _angles(
     horizontal = taylor.square_root(taylor.multiply(east, east) + taylor.multiply(north, north))
     azimuth = taylor.angle_of(branch * east, branch * north)
     return _near(azimuth, near), taylor.angle_of(up, branch * horizontal)
+
+
+def lift(mount: Kinematics, first: Array, second: Array) -> tuple[Array, Array]:
+    """Return by what the axes turn where the beam is lifted by the cosine of its elevation.
+
+    That is what a pull of one along the vertical z does: z' e_1 / cos b and z' e_2, with the unit
+    vectors e along the axes.  Azimuth turns by nothing, elevation by cos El.
+    """
+    (right, ahead, pole), sine, cosine = mount.matrix[UP], np.sin(first), np.cos(first)
+    across = (right * cosine - ahead * sine) / np.cos(second)
+    return across, pole * np.cos(second) - (right * sine + ahead * cosine) * np.sin(second)
+
+
+def risen(mount: Kinematics, first: Array, second: Array, by_rad: Array) -> Array:
+    """Return the change (2, n) of the axes where a beam at these angles rises a little."""
+    if mount.level:
+        # Upward on the sky is downward on the axis of a dish over the top.
+        return np.stack([0.0 * by_rad, np.where(second > 0.5 * math.pi, -by_rad, by_rad)])
+    across, along = lift(mount, first, second)
+    # At the zenith nothing rises: what air and ionosphere bend ends there.
+    size = np.maximum(np.hypot(across * np.cos(second), along), 1e-9)
+    return np.asarray(np.stack([across, along]) * by_rad / size)
 
 
 def _direction(azimuth: Array, elevation: Array) -> tuple[Array, Array, Array]:

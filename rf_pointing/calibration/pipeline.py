@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from rf_pointing.calibration.bias_model import BiasModel
 from rf_pointing.calibration.coverage import Coverage, SectorRule, select_by_sector
 from rf_pointing.calibration.ionosphere import Ionosphere
+from rf_pointing.calibration.mount import risen
 from rf_pointing.calibration.noise import noise_of
 from rf_pointing.calibration.observations import Observations
 from rf_pointing.calibration.pass_errors import PassErrors, displaced, lags_of, motion_partials
@@ -112,7 +113,7 @@ class TrackedPass:
             height_rad = np.minimum(up_rad, np.pi - up_rad)
             bending = self.ionosphere.bending(height_rad, self.track.range_m)
             angles = self.track.motion()[:2]
-            across, along = self.track.mount.risen(angles[0], angles[1], bending)
+            across, along = risen(self.track.mount, angles[0], angles[1], bending)
             found["azimuth_rad"] -= across
             found["elevation_rad"] -= along
             if "range_m" in found:

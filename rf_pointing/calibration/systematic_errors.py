@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from rf_pointing.calibration.fit_problem import FitProblem
 from rf_pointing.calibration.fit_result import FitResult, Nuisance
+from rf_pointing.calibration.mount import risen
 from rf_pointing.calibration.observations import Observations, north_text
 from rf_pointing.calibration.outlying_passes import MEASURABLE_FROM, free_errors
 from rf_pointing.calibration.pass_errors import PassPriors, site_partials
@@ -153,7 +154,7 @@ def _bending(points: Observations, refraction: RadioRefraction) -> Array:
     bending = refraction.apply(elevation_rad) - elevation_rad
     if not points.mount.level:
         angles = points.motion()
-        return points.mount.risen(angles[0], angles[1], bending)[..., np.newaxis]
+        return risen(points.mount, angles[0], angles[1], bending)[..., np.newaxis]
     return np.stack([np.zeros_like(bending), bending])[..., np.newaxis]
 
 

@@ -11,7 +11,7 @@ order.
 
 Any other mount has the same chain between its axes (`mount`), and so the same terms under the names
 of its axes, with one exception: what bends under gravity does so along the vertical, which is not
-the pole of such a mount.  Its x11, `flexure`, acts on both axes (`Kinematics.lift`), and the cosine
+the pole of such a mount.  Its x11, `flexure`, acts on both axes (`mount.lift`), and the cosine
 of the upper encoder, which droop includes, is a term to add.
 """
 
@@ -181,6 +181,7 @@ def terms_by_name(names: Iterable[str], kind: str = "") -> tuple[Term, ...]:
     )
     unknown = [name for name in chosen if name not in own]
     if unknown:
+        # Whoever names a term wrong wants those of the own mount, not all that there are.
         of = f" of a mount of type {kind}" if kind else ""
         listed = own if kind else {term.name: term for term in (*TERMS, *EXTENSION_TERMS)}
         raise ValueError(

@@ -29,7 +29,6 @@ from rf_pointing.core.signals import Target
 from rf_pointing.core.types import Array, Pair
 
 Triple = tuple[Array, Array, Array]
-Pair2 = tuple[Array, Array]
 EAST, NORTH, UP = range(3)
 # Closer to a pole of the Earth an hour angle has no zero.
 POLAR_RAD = math.radians(89.9)
@@ -164,33 +163,12 @@ class Kinematics(Params):
         ends = [self.sky_at(0.0, side * 0.5 * math.pi) for side in (1.0, -1.0)]
         return [end for end in ends if end[1] > -1e-9]
 
-    def directions(self, first_rad: Array, second_rad: Array) -> Pair2:
+    def directions(self, first_rad: Array, second_rad: Array) -> tuple[Array, Array]:
         """Return azimuth and elevation (n,) of axis angles (n,); level axes as they are."""
         if self.level:
             return first_rad, second_rad
         azimuth, elevation = self.skies(np.stack([first_rad, second_rad], axis=-1)).T
         return azimuth, elevation
-
-    def lift(self, first_rad: Array, second_rad: Array) -> Pair2:
-        """Return by what the axes turn where the beam is lifted by the cosine of its elevation.
-
-        That is what a pull of one along the vertical does: z' e_1 / cos b and z' e_2 with the unit
-        vectors e along the axes; to azimuth and elevation nothing and cos El.
-        """
-        (right, ahead, pole), sine, cosine = self.matrix[UP], np.sin(first_rad), np.cos(first_rad)
-        across = (right * cosine - ahead * sine) / np.cos(second_rad)
-        along = pole * np.cos(second_rad) - (right * sine + ahead * cosine) * np.sin(second_rad)
-        return across, along
-
-    def risen(self, first_rad: Array, second_rad: Array, by_rad: Array) -> Array:
-        """Return the change (2, n) of the axes where a beam at these angles rises a little."""
-        if self.level:
-            # Upward on the sky is downward on the axis of a dish over the top.
-            return np.stack([0.0 * by_rad, np.where(second_rad > 0.5 * math.pi, -by_rad, by_rad)])
-        across, along = self.lift(first_rad, second_rad)
-        # At the zenith nothing rises: what air and ionosphere bend ends there.
-        size = np.maximum(np.hypot(across * np.cos(second_rad), along), 1e-9)
-        return np.stack([across, along]) * by_rad / size
 
     def leaning_from(self, azimuth_rad: float) -> tuple[Self, ...]:
         """Return the mounts to choose from for a pass that culminates at an azimuth.

@@ -77,6 +77,7 @@ class ModelKeeper:
         if self.active is None and self._start is not None:
             self._start.check_for(self._station, self._band, t_s)
             self.active = self._start
+        # A mount that was turned since has other axes under the same names.
         if self.active is not None:
             self.active.model.on(self._mount)
 

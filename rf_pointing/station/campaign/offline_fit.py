@@ -191,6 +191,7 @@ class OfflineFit:
             # A fit that settles next to it measures it better than medians of distances.
             if isinstance(error, WrongDataError) and error.kinds <= MEASURED:
                 raise
+            # The causes are looked for among angles that are azimuth and elevation.
             if not request.mount.level:
                 raise
             cause = cause_of(self._data.passes, request.elements, request.site, request.refraction)

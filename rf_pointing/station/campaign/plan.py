@@ -76,6 +76,7 @@ def _arcs_of(
     for begin, end in _visible(track, start_t_s, duration_s, rules):
         look = track.sample(np.arange(begin - rules.lead_s, end + 0.5 * rules.spacing_s, rules.spacing_s))
         whole = ReferenceTrack.of(look).on(mount)
+        # What the antenna cannot follow, and what it cannot reach.
         missed = np.abs(whole.azimuth_rate_rad_s) > rules.fastest_rad_s
         for angle, low, high in zip(whole.motion(), rules.travel_rad[::2], rules.travel_rad[1::2], strict=False):
             missed |= (angle < low) | (angle > high)

@@ -82,6 +82,7 @@ class TransmitRules:
             return f"the controller is not on a target: {antenna.mode}"
         if antenna.target != target:
             return f"{antenna.target} is tracked, and the radio is on {target}"
+        # Mask, Sun and sectors are on the sky, and axes over the top are folded below.
         level = self._mount.level
         beam_rad = antenna.axes_rad if level else self._mount.sky_at(*antenna.axes_rad)
         if reason := self._sky.reason(*beam_rad, None, sun_rad):

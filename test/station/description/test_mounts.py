@@ -156,7 +156,6 @@ def test_whatever_would_move_or_fit_azimuth_and_elevation_refuses_it_by_name(
         importlib.import_module(f"rf_pointing.api.{name}")
         for name in ("requests", "scan", "service", "network", "tuning")
     )
-    file = str(tmp_path / "s.yaml")
     for user, attempt in {
         "designate": lambda: requests.DesignateRequest(station=station),
         "identify_antenna": lambda: requests.IdentifyRequest(station=station),
@@ -164,10 +163,12 @@ def test_whatever_would_move_or_fit_azimuth_and_elevation_refuses_it_by_name(
         "a service": lambda: service.make_service(station, target, 0.0),
         "a network plan": lambda: network.plan_network([station, station], [target]),
         "tune": lambda: tuning.tune(station),
-        "check_drive": lambda: check_drive.read_drive([], file),
     }.items():
         with pytest.raises(ValueError, match=f"^{user} knows mounts of type azimuth_elevation alone"):
             attempt()
+    # A drive is checked axis by axis, and every mount has two.
+    ends = check_drive.flown_rad(str(tmp_path / "s.yaml"))
+    assert np.degrees(ends).T.tolist() == pytest.approx([axis.travel_deg for axis in other.content.mount.pair])
     request = requests.TrackRequest(station=station, target=target)
     if other.content.mount.tilt_deg is None:
         assert request.station is station
