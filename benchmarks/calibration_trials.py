@@ -5,7 +5,11 @@ executable runs.  Printed per case: the share of the estimates within 1 and 2 si
 (estimate - truth) / sigma, and with --select false and missed terms.  A share of T trials has a binomial error of
 sqrt(p (1 - p) / T): 2.7 % at 68.3 % and 1.2 % at 95.4 % for 300.  A case holds if no term's share differs from that
 of a normal distribution by more than chance: a two-sided exact binomial test at 5 % for the 28 shares of the 14 terms
-together (Sidak), so 0.18 % for each, which for 300 trials is 59.7 to 76.3 % and 91.3 to 98.7 %.
+together (Sidak), so 0.18 % for each, which for 300 trials is 59.7 to 76.3 % and 91.3 to 98.7 %.  NEES is the mean of
+e' C^-1 e of all terms together, by their number: 1 +/- sqrt(2 / (14 T)) for a covariance that is right.
+
+--points fits points with white noise instead.  --mount x_y, ha_dec or azimuth_elevation_tilt plants the terms of such
+a mount and records the angles of its axes.
 
 Orbit errors are those of elements: along the track (mean anomaly), across it (inclination, node) and in height
 (eccentricity vector), propagated by SGP4; every pass has its own, as passes of different days have.
@@ -28,8 +32,20 @@ from numpy.typing import NDArray  # noqa: E402
 from scipy.signal import lfilter  # noqa: E402
 from scipy.stats import binomtest  # noqa: E402
 
-from rf_pointing.calibration import TERM_NAMES, TERMS, BiasModel, FitResult, RawTracking, ReferenceTrack, TrackedPass  # noqa: E402
+from rf_pointing.calibration import (  # noqa: E402
+    BiasModel,
+    FitOptions,
+    FitResult,
+    Observations,
+    RawTracking,
+    ReferenceTrack,
+    TrackedPass,
+    fit_bias_model,
+)  # fmt: skip
+from rf_pointing.calibration.terms import MOUNT_TERMS, names_of  # noqa: E402
 from rf_pointing.core import MDEG, azel_from_unit_vector, random_stream, unit_vector_from_azel, wrap_rad  # noqa: E402
+from rf_pointing.core.kinematics import LEVEL, Kinematics  # noqa: E402
+from rf_pointing.core.mount_types import AZIMUTH_ELEVATION, MOUNTS  # noqa: E402
 from rf_pointing.ephemeris import Elements, Site, TopocentricTrack, find_passes, site  # noqa: E402
 from rf_pointing.station.campaign import recorded_input  # noqa: E402
 from rf_pointing.station.campaign.offline_fit import FitData, FitRequest, OfflineFit  # noqa: E402
@@ -165,7 +181,7 @@ def seen_of(elements: Elements, track: TopocentricTrack, first_s: float, last_s:
     """Return one pass."""
     times = np.arange(np.ceil(first_s), last_s, 1.0 / rate_hz)
     look = track.sample(times)
-    at = ReferenceTrack(**{name: getattr(look, name) for name in ReferenceTrack.__dataclass_fields__})
+    at = ReferenceTrack.of(look)
     around = (times + STENCIL_S * np.array([[-1.0], [0.0], [1.0]])).ravel()
     near = track.sample(around)
     angles = np.stack([near.azimuth_rad, near.elevation_rad]).reshape(2, 3, -1)
@@ -177,17 +193,27 @@ def seen_of(elements: Elements, track: TopocentricTrack, first_s: float, last_s:
     ]
     grid = np.arange(times[0] - 60.0, times[-1] + 60.0, recorded_input.REFERENCE_STEP_S)
     sampled = track.sample(grid)
-    reference = ReferenceTrack(**{name: getattr(sampled, name) for name in ReferenceTrack.__dataclass_fields__})
+    reference = ReferenceTrack.of(sampled)
     shape = (3, len(times), 3)
     return Seen(
         reference, elements.name, at, angles, apparent.reshape(shape), tuple(one.reshape(shape) for one in fields)
     )
 
 
-def planted(random: np.random.Generator) -> BiasModel:
+def mount_at(kind: str, place: Site) -> Kinematics:
+    """Return a mount of some kind at a site."""
+    latitude, tilt = (
+        (place.latitude_rad if kind == "ha_dec" else 0.0),
+        np.radians(7.0 if kind.endswith("tilt") else 0.0),
+    )
+    return Kinematics(type=kind, latitude_rad=latitude, tilt_rad=float(tilt), train_rad=1.0 if tilt else 0.0)
+
+
+def planted(random: np.random.Generator, mount: Kinematics = LEVEL) -> BiasModel:
     """Return a random mount without half of the terms."""
-    values = {term.name: PLANTED[term.unit] * random.standard_normal() * (random.random() < 0.5) for term in TERMS}
-    return BiasModel.zero().replace(**values)
+    terms = MOUNT_TERMS[mount.type]
+    values = {term.name: PLANTED[term.unit] * random.standard_normal() * (random.random() < 0.5) for term in terms}
+    return BiasModel.zero(mount).replace(**values)
 
 
 def measured(
@@ -207,6 +233,9 @@ def measured(
     motion = at.motion()
     true = [motion[0] + shift[0], motion[1] + shift[1], motion[2] + rate[0], motion[3] + rate[1]]
     true += [motion[4] + bend[0], motion[5] + bend[1]]
+    if mount.mount is not None and not mount.mount.level:
+        pairs = [np.column_stack(true[k : k + 2]) for k in (0, 2, 4)]
+        true = list(np.concatenate(mount.mount.to_axes(*pairs), axis=1).T)
     observed = np.stack(mount.apply(*true))
     # Some passes are windier than others.
     noise = NOISE_RAD * np.exp(0.3 * random.standard_normal()) * noise_of(len(at.t_s), case, random)
@@ -248,14 +277,24 @@ class Outcome:
     kept: NDArray[np.bool_]
     truth: Array
     seconds: Array
+    nees: Array
     refused: list[str]
 
 
 def run_trials(
-    case: Case, trials: int, campaigns: int, seed: int, satellites: int, select: bool, keep: Path | None
+    case: Case,
+    trials: int,
+    campaigns: int,
+    seed: int,
+    satellites: int,
+    select: bool,
+    keep: Path | None,
+    kind: str = AZIMUTH_ELEVATION,
 ) -> Outcome:
     """Simulate and fit; the campaigns take turns.  What `keep` has of a case is not run again."""
-    key = f"{case.name}, {satellites} satellites, {campaigns} campaigns, seed {seed}, {select}".replace(" ", "_")
+    key = f"{case.name}, {satellites} satellites, {campaigns} campaigns, seed {seed}, {select}, {kind}".replace(
+        " ", "_"
+    )
     store = keep / f"{key}.pickle" if keep else None
     rows: list[tuple[object, ...] | str] = pickle.loads(store.read_bytes()) if store and store.exists() else []
     geometry = [campaign(number, case.rate_hz, satellites=satellites) for number in range(campaigns)]
@@ -263,31 +302,61 @@ def run_trials(
     request = FitRequest(station=STATION.name, band=BAND, site=STATION.site, time_error_s=0.0, select=select)
     for trial in range(len(rows), trials):
         random = random_stream(seed + trial, f"trials {case.name}")
-        mount = planted(random)
         number, own = trial % campaigns, dict[str, Array]()
-        passes = [TrackedPass(measured(one, mount, case, random, own), one.reference) for one in geometry[number]]
-        request = replace(request, site=site(SITES[number % len(SITES)]))
+        place = site(SITES[number % len(SITES)])
+        axes = mount_at(kind, place)
+        mount = planted(random, axes)
+        passes = [
+            TrackedPass(measured(one, mount, case, random, own), one.reference.on(axes)) for one in geometry[number]
+        ]
+        request = replace(request, site=place, mount=axes, terms=names_of(kind))
         start = time.process_time()
         try:
             done = OfflineFit(request, FitData(None, passes)).run()
         except ValueError as error:
             rows.append(str(error))
         else:
-            kept, truth = zip(*((name in done.kept, mount.coefficients[name]) for name in TERM_NAMES), strict=True)
+            kept, truth = zip(*((name in done.kept, mount.coefficients[name]) for name in names_of(kind)), strict=True)
             every = pulls(done.full or done.result, mount), pulls(done.result, mount)
-            rows.append((*every, kept, truth, time.process_time() - start))
+            rows.append((*every, kept, truth, time.process_time() - start, nees(done.full or done.result, mount)))
         if store:
             store.write_bytes(pickle.dumps(rows))
     fitted = zip(*(row for row in rows if not isinstance(row, str)), strict=True)
     return Outcome(*map(np.array, fitted), [row for row in rows if isinstance(row, str)])
 
 
+def points_of(seen: list[Seen], mount: BiasModel, axes: Kinematics, random: np.random.Generator) -> Observations:
+    """Return a point every 10 s of all passes with white noise and no other error."""
+    parts = []
+    for number, one in enumerate(seen):
+        rows = one.at.t_s[:: max(1, round(10.0 / (one.at.t_s[1] - one.at.t_s[0])))]
+        track = one.at.on(axes).at(rows)
+        motion, sigma = track.motion(), np.full(len(rows), NOISE_RAD)
+        noise = random.standard_normal((2, len(rows))) * [sigma / np.cos(motion[1]), sigma]
+        observed = np.stack(mount.apply(*motion)) + noise
+        parts.append(
+            Observations(
+                station=STATION.name, band=BAND, mount=axes, t_s=rows, pass_id=np.full(len(rows), number),
+                observed_azimuth_rad=observed[0], observed_elevation_rad=observed[1],
+                sigma_azimuth_rad=sigma / np.cos(motion[1]), sigma_elevation_rad=sigma, **track.truth(),
+            )
+        )  # fmt: skip
+    return Observations.concatenate(parts)
+
+
 def pulls(fit: FitResult, mount: BiasModel) -> Array:
     """Return (estimate - truth) / sigma of every term (14,), NaN for those that were not fitted."""
-    found = np.full(len(TERM_NAMES), np.nan)
+    names = tuple(mount.coefficients)
+    found = np.full(len(names), np.nan)
     for name, value, sigma in zip(fit.names, fit.values, fit.sigma, strict=True):
-        found[TERM_NAMES.index(name)] = (value - mount.coefficients[name]) / sigma
+        found[names.index(name)] = (value - mount.coefficients[name]) / sigma
     return found
+
+
+def nees(fit: FitResult, mount: BiasModel) -> float:
+    """Return the squared error of all fitted terms together, by its covariance and their number."""
+    error = fit.values - [mount.coefficients[name] for name in fit.names]
+    return float(error @ np.linalg.solve(fit.covariance, error)) / len(error)
 
 
 def shares(pull: Array, within: float) -> Array:
@@ -345,6 +414,21 @@ def describe(name: str, pull: Array, verbose: bool) -> str:
     return "\n".join(lines)
 
 
+def point_trials(options: argparse.Namespace) -> None:
+    """Print the same of fits of points with white noise: the terms and their partials alone."""
+    geometry, rows = [campaign(number, 1.0) for number in range(options.campaigns)], []
+    for trial in range(options.trials):
+        random = random_stream(options.seed + trial, "points")
+        axes = mount_at(options.mount, site(SITES[trial % options.campaigns % len(SITES)]))
+        mount = planted(random, axes)
+        points = points_of(geometry[trial % options.campaigns], mount, axes, random)
+        fit = fit_bias_model(points, options=FitOptions(form="rotation", edit_sigma=0.0))
+        rows.append((pulls(fit, mount), nees(fit, mount)))
+    pull, size = (np.array(each) for each in zip(*rows, strict=True))
+    print(describe(f"{options.mount}, points with white noise", pull, options.verbose))
+    print(f"    NEES {np.mean(size):.3f} +/- {np.std(size) / np.sqrt(len(size)):.3f}")
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--trials", type=int, default=300)
@@ -353,12 +437,17 @@ def main() -> None:
     parser.add_argument("--rates", type=float, nargs="+", default=[1.0, 5.0])
     parser.add_argument("--noise", nargs="+", choices=("white", "correlated"), default=["white", "correlated"])
     parser.add_argument("--orbits", type=float, nargs="+", default=[0.0, 150.0, 1000.0])
+    parser.add_argument("--mount", choices=tuple(MOUNTS), default=AZIMUTH_ELEVATION)
     parser.add_argument("--satellites", type=int, default=4, help="among which the passes are (default: 4)")
+    parser.add_argument("--points", action="store_true", help="fits of points with white noise, without raw data")
     parser.add_argument("--shared", action="store_true", help="one orbit error for all passes of a satellite")
     parser.add_argument("--all-terms", action="store_true", help="without the choice of terms")
     parser.add_argument("--keep", type=Path, help="directory of what was run, from which a run goes on")
     parser.add_argument("--verbose", action="store_true", help="every term")
     options = parser.parse_args()
+    if options.points:
+        point_trials(options)
+        return
     for rate, noise, orbit in product(options.rates, options.noise, options.orbits):
         case = Case(orbit, rate, noise == "correlated", options.shared)
         found = run_trials(
@@ -369,9 +458,11 @@ def main() -> None:
             options.satellites,
             not options.all_terms,
             options.keep,
+            options.mount,
         )
         print(f"{PASSES / options.satellites:.0f} passes of each of {options.satellites} satellites:")
-        print(describe(case.name, found.full, options.verbose), flush=True)
+        print(describe(case.name, found.full, options.verbose))
+        print(f"    NEES {np.mean(found.nees):.3f} +/- {np.std(found.nees) / np.sqrt(len(found.nees)):.3f}", flush=True)
         if options.all_terms:
             print(f"    {len(found.refused)} refused{': ' + found.refused[0] if found.refused else ''}", flush=True)
             continue

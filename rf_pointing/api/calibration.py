@@ -12,6 +12,7 @@ import numpy as np
 from rf_pointing import __version__, calibration
 from rf_pointing.api.station import Station
 from rf_pointing.calibration import BiasModel, FitResult, Ionosphere, ModelVersion, Observations, TrackedPass
+from rf_pointing.calibration.terms import names_of
 from rf_pointing.core.dates import DAY_S
 from rf_pointing.core.refraction import RadioRefraction
 from rf_pointing.ephemeris import Elements
@@ -54,6 +55,9 @@ class DataFiles:
         """Return the data of all files as those of a station; ValueError names what is wrong."""
         tables = [path for path in self.paths if path.is_file() and path.suffix in TABULAR]
         offsets = [path for path in tables if path.suffix == ".csv" and offset_table.holds_offsets(path)]
+        mount = station.controller.kinematics
+        if offsets and not mount.level:
+            raise ValueError(f"{offsets[0]} holds offsets in azimuth and elevation, and the mount is {mount.words}")
         rows = self._offsets(offsets, station) if offsets else None
         if rows is not None and len(offsets) == len(self.paths):
             # Nothing measures the orbits of single rows.
@@ -61,8 +65,13 @@ class DataFiles:
             return FitData(alone, [], offered=offset_table.terms_of_offsets(alone))
         others = [path for path in tables if path not in offsets]
         of_points = [path for path in others if path.suffix == ".csv" and recorded_input.holds_points(path)]
-        points = _joined(recorded_input.read_points(of_points), rows)
-        raw = [one for path in others if path not in of_points for one in recorded_input.read_raw(path, station.band)]
+        points = _joined(recorded_input.read_points(of_points, mount), rows)
+        raw = [
+            one
+            for path in others
+            if path not in of_points
+            for one in recorded_input.read_raw(path, station.band, mount)
+        ]
         if self.time_error_s:
             raw = [replace(one, t_s=one.t_s - self.time_error_s) for one in raw]
         passes = [TrackedPass(one, self._reference(one, station), self.ionosphere) for one in raw]
@@ -85,7 +94,9 @@ class DataFiles:
     def _reference(self, raw: calibration.RawTracking, station: Station) -> calibration.ReferenceTrack:
         if not self.elements:
             raise ValueError("elements: tracking data of CSV and TDM need --elements FILE for their reference")
-        return recorded_input.reference_of(raw, self.elements, station.site, self.max_age_s, self.refraction)
+        return recorded_input.reference_of(
+            raw, self.elements, station.site, self.max_age_s, self.refraction, station.controller.kinematics
+        )
 
     def _recorded(self, path: Path, station: Station) -> list[TrackedPass]:
         # Reading a recording loads a ROS message library, which CSV and TDM do without.
@@ -97,7 +108,8 @@ class DataFiles:
             path, station.name, station.band, namespace=self.namespace,
             largest_error_rad=limit_rad, allow_damage=self.allow_damage,
         )  # fmt: skip
-        return [TrackedPass(raw, reference, self.ionosphere) for raw, reference in recorded]
+        mount = station.controller.kinematics
+        return [TrackedPass(raw, reference.on(mount), self.ionosphere) for raw, reference in recorded]
 
 
 def _joined(points: Observations | None, rows: Observations | None) -> Observations | None:
@@ -177,6 +189,8 @@ def require_raw(data: FitData, path: str | Path) -> None:
     """Raise ValueError unless there are raw data to write to `path`."""
     if not data.passes:
         raise ValueError(f"tdm={path}: the files hold calibration points only, no raw data to write")
+    if not data.passes[0].reference.mount.level:
+        raise ValueError(f"tdm={path} would hold azimuth and elevation, and the data are of other axes")
 
 
 def fit(
@@ -228,6 +242,7 @@ def fit(
     request = FitRequest(
         station=station.name, band=station.band, site=station.site, elements=targets, terms=tuple(terms), select=select,
         form=form, robust=robust, orbit_prior_m=orbit_prior_m, time_error_s=time_error_s, known=known,
+        mount=station.controller.kinematics,
     )  # fmt: skip
     if isinstance(data, Observations):
         return fitted(request, FitData(data, []), name)
@@ -244,7 +259,7 @@ def fitted(request: FitRequest, data: FitData, name: str = "", created_t_s: floa
 
     Data that carry few terms choose among those, unless the request names its own.
     """
-    if data.offered and request.terms == calibration.TERM_NAMES:
+    if data.offered and request.terms == names_of(request.mount.type):
         request = replace(request, terms=data.offered, select=True)
     done = OfflineFit(request, data).run()
     version = ModelVersion.from_fit(

@@ -217,7 +217,7 @@ def _without_prediction(flights: _Flights) -> None:
     elif exact != real:
         off.truth = load_track(exact)
         flights.without(rows.EPHEMERIS)
-    mount = setup.sets("antenna_servo")["mount"].model()
+    mount = setup.sets("antenna_servo")["mount"].model(setup.model.mount)
     if mount.coefficients != setup.model.coefficients:
         # The mount stays, and with it the motion of the axes: the model becomes perfect.
         off.model = mount
@@ -406,7 +406,7 @@ def budget(
     case = PlannedCase(station, one, chosen, seed, own)
     setup = case.setup()
     mount, error_deg = (
-        setup.sets("antenna_servo")["mount"].model(),
+        setup.sets("antenna_servo")["mount"].model(setup.model.mount),
         station.description.content.bands[station.band].model_error_deg,
     )
     # A mount without errors of its own is off by what the band tolerates.

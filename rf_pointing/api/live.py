@@ -229,7 +229,7 @@ class Calibration:
         code = run_to_end("calibrate", make, work)
         from rf_pointing.report.calibration_report import write_calibration_report, write_campaign_report
 
-        journal = journal_of(request.models, station.name, station.band)
+        journal = journal_of(request.models, station.name, station.band, station.controller.kinematics)
         if not outcome.settled and journal.points is not None:
             say("calibrate", f"the observations are kept in {journal.path}: calibrate --resume continues with them")
         if outcome.fit is not None:

@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rf_pointing.api.target import Target
-from rf_pointing.calibration import BiasModel
+from rf_pointing.calibration import BiasModel, ReferenceTrack
 from rf_pointing.core import to_degrees
 from rf_pointing.core.dates import DAY_S, utc_text
+from rf_pointing.core.kinematics import LEVEL
 from rf_pointing.ephemeris import ElementUncertainty, Pass, TopocentricTrack, stale_warning
 from rf_pointing.ephemeris.source import SourceParams
 from rf_pointing.planning import Branch, Certificate, certificate_lines, certificate_values
@@ -190,7 +191,9 @@ class Look:
             look.azimuth_rad, look.elevation_rad, look.azimuth_rate_rad_s, look.elevation_rate_rad_s,
             look.azimuth_acceleration_rad_s2, look.elevation_acceleration_rad_s2,
         )  # fmt: skip
-        rows = np.degrees([*motion[:4], *model.offset_rad(*motion)])[:, 0].tolist()
+        # What is corrected are the angles of the axes, the lower one under the name of azimuth.
+        axes = ReferenceTrack.of(track.sample([t_s, t_s + 1.0])).on(model.mount or LEVEL).motion()
+        rows = np.degrees([*motion[:4], *model.offset_rad(*axes)])[:, 0].tolist()
         azimuth, elevation, azimuth_rate, elevation_rate, azimuth_correction, elevation_correction = rows
         return cls(
             t_s=t_s, utc=utc_text(t_s), azimuth_deg=azimuth, elevation_deg=elevation, azimuth_rate_deg_s=azimuth_rate,

@@ -358,7 +358,8 @@ class CalibrateRequest(RunRequest):
         place = self.target.file
         elements: list[Elements] = read_source(str(place)).elements if place else beacons(start_s)
         name, band = self.station.name, self.station.band
-        kept = journal_of(self.models, name, band).points if self.resume else None
+        mount = self.station.controller.kinematics
+        kept = journal_of(self.models, name, band, mount).points if self.resume else None
         if self.resume and kept is None:
             raise ValueError(f"no observations of {name} in band {band} to resume from in {self.models}")
         return schedule_calibration(self.station.description, elements, start_s, self.campaign, kept)

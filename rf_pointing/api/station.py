@@ -115,9 +115,9 @@ class Station:
     def model(self) -> BiasModel:
         """The bias model in force: the one given, else the station's, else a perfect mount."""
         chosen = self.description.bias_model_file(self.band) if self._model is None else self._model
-        if isinstance(chosen, BiasModel):
-            return chosen
-        return read_model(chosen).model if chosen else BiasModel.zero()
+        if not isinstance(chosen, BiasModel):
+            chosen = read_model(chosen).model if chosen else BiasModel.zero()
+        return chosen.on(self.controller.kinematics)
 
     @cached_property
     def rules(self) -> PlanningRules:

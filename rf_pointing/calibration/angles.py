@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from rf_pointing.calibration import taylor
+from rf_pointing.calibration.mount import lift
+from rf_pointing.core.kinematics import Kinematics
 from rf_pointing.core.types import Array
 
 # Temperature at which the thermal terms vanish (ISA sea level).
@@ -22,6 +24,7 @@ class _Angles(ABC):
     azimuth: Array
     elevation: Array
     temperature_k: ArrayLike | None
+    mount: Kinematics | None = field(default=None, kw_only=True)
     _kept: dict[tuple[str, int], tuple[Array, Array]] = field(
         default_factory=dict, kw_only=True, repr=False
     )
@@ -55,6 +58,13 @@ class _Angles(ABC):
             np.asarray(self.temperature_k, dtype=np.float64) - REFERENCE_TEMPERATURE_K
         ) * self.one
 
+    @cached_property
+    def lift(self) -> tuple[Array, Array]:
+        # A mount that is not known has no vertical, and a guess bends the beam to any side.
+        if self.mount is None:
+            raise ValueError("mount=None must be given: the model has a flexure along the vertical")
+        return lift(self.mount, self.azimuth, self.elevation)
+
     # Several terms share a sine; each is computed once for a million rows.
     def _keep(self, axis: str, multiple: int) -> tuple[Array, Array]:
         key = (axis, multiple)
@@ -73,7 +83,12 @@ class ArrayAngles(_Angles):
     elevation_acceleration: Array
 
     @classmethod
-    def of(cls, motion: Sequence[ArrayLike], temperature_k: ArrayLike | None) -> "ArrayAngles":
+    def of(
+        cls,
+        motion: Sequence[ArrayLike],
+        temperature_k: ArrayLike | None,
+        mount: Kinematics | None = None,
+    ) -> "ArrayAngles":
         """Broadcast azimuth, elevation, their rates and their accelerations to one shape."""
         azimuth, elevation, *rates = np.broadcast_arrays(
             *(np.asarray(part, dtype=np.float64) for part in motion)
@@ -82,7 +97,7 @@ class ArrayAngles(_Angles):
             raise ValueError(
                 f"motion has {len(motion)} parts, must have 6: angles, rates and accelerations"
             )
-        return cls(azimuth, elevation, temperature_k, *rates)
+        return cls(azimuth, elevation, temperature_k, *rates, mount=mount)
 
     @cached_property
     def one(self) -> Array:

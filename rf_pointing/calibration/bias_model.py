@@ -24,9 +24,11 @@ from rf_pointing.calibration.angles import (
     ArrayAngles,
     SeriesAngles,
 )
-from rf_pointing.calibration.mount import Skew, axes_from_sky, sky_from_axes
-from rf_pointing.calibration.terms import TERM_NAMES, Term, terms_by_name
+from rf_pointing.calibration.mount import Skew, axes_from_sky, bent, sky_from_axes, straight
+from rf_pointing.calibration.terms import Term, mount_of, names_of, numbered, terms_by_name
 from rf_pointing.core import angular_distance_rad, require_between
+from rf_pointing.core.kinematics import LEVEL, UP, Kinematics
+from rf_pointing.core.mount_types import AZIMUTH_ELEVATION
 from rf_pointing.core.types import Array
 
 _DEGREE = math.radians(1.0)
@@ -44,20 +46,27 @@ _AZIMUTHS, _ELEVATIONS = np.meshgrid(
 class BiasModel:
     """Coefficients by term name: radians, seconds, seconds^2 (rad/K for thermal extensions).
 
-    All 14 terms must be given; extensions (`terms.EXTENSION_TERMS`) are present when named.
+    All 14 terms of a kind of mount must be given; further ones (`terms.FURTHER_TERMS`) are present
+    when named.  Angles are those of the axes, under the names of azimuth and elevation; where the
+    vertical is, a mount with `flexure` must say (`on`).
     """
 
     coefficients: Mapping[str, float]
+    mount: Kinematics | None = None
     _acting: tuple[tuple[Term, float], ...] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        terms = terms_by_name(self.coefficients)
-        missing = [name for name in TERM_NAMES if name not in self.coefficients]
+        kind = self.mount.type if self.mount else mount_of(self.coefficients)
+        terms = terms_by_name(self.coefficients, "" if kind == AZIMUTH_ELEVATION else kind)
+        missing = [name for name in names_of(kind) if name not in self.coefficients]
         if missing:
             raise ValueError(f"the bias model needs {', '.join(missing)}")
         # Degrees given for radians are 57 times too large: the limits are what shows them.
         for term in terms:
             require_between(term.name, self.coefficients[term.name], -term.limit, term.limit)
+        # Only these axes have their vertical where the model has its pole.
+        if kind == AZIMUTH_ELEVATION and self.mount is None:
+            object.__setattr__(self, "mount", LEVEL)
         ordered = {term.name: float(self.coefficients[term.name]) for term in terms}
         object.__setattr__(self, "coefficients", MappingProxyType(ordered))
         # Terms that are zero cost time in every period of the controller and change nothing.
@@ -66,13 +75,13 @@ class BiasModel:
         )
 
     # A MappingProxyType cannot be pickled, and the fits of a Monte Carlo run in several processes.
-    def __reduce__(self) -> tuple[type[Self], tuple[dict[str, float]]]:
-        return type(self), (dict(self.coefficients),)
+    def __reduce__(self) -> tuple[type[Self], tuple[dict[str, float], Kinematics | None]]:
+        return type(self), (dict(self.coefficients), self.mount)
 
     @classmethod
-    def zero(cls) -> Self:
+    def zero(cls, mount: Kinematics | None = None) -> Self:
         """Return the model of a perfect antenna."""
-        return cls(dict.fromkeys(TERM_NAMES, 0.0))
+        return cls(dict.fromkeys(names_of(mount.type if mount else AZIMUTH_ELEVATION), 0.0), mount)
 
     @classmethod
     def from_degrees(cls, coefficients: Mapping[str, float]) -> Self:
@@ -87,7 +96,20 @@ class BiasModel:
 
     def replace(self, **changes: float) -> Self:
         """Return a model with some coefficients changed; a new name must be a known extension."""
-        return type(self)({**self.coefficients, **changes})
+        return type(self)({**self.coefficients, **changes}, self.mount)
+
+    def on(self, mount: Kinematics) -> Self:
+        """Return the model on a mount; ValueError for the terms of a mount of another kind."""
+        own, kind = self.mount, mount_of(self.coefficients)
+        # No model is sent as one of zeros, whatever the mount.
+        if not self._acting:
+            return type(self).zero(mount)
+        if kind != mount.type or (own and not own.same_axes(mount)):
+            of = own or Kinematics(type=kind)
+            raise ValueError(
+                f"the bias model is of a mount {of.words}, must be of one {mount.words}"
+            )
+        return type(self)(self.coefficients, mount)
 
     @property
     def terms(self) -> tuple[Term, ...]:
@@ -97,13 +119,19 @@ class BiasModel:
     @property
     def skew(self) -> Skew:
         """Return the four rotations of the mount."""
-        value = self.coefficients
-        return Skew(
-            value["non_orthogonality"],
-            value["collimation"],
-            value["mislevel_east"],
-            value["mislevel_north"],
-        )
+        return Skew(*numbered(self.coefficients, 2, 3, 8, 9))
+
+    @property
+    def pull(self) -> Array | None:
+        """Return the pull (3,) on the beam in the frame of the mount, None without one."""
+        size = next((value for term, value in self._acting if term.kind == "flexure"), 0.0)
+        if size == 0.0:
+            return None
+        if self.mount is None:
+            raise ValueError(
+                "mount=None: a bias model with flexure must be put on its mount (`on`)"
+            )
+        return np.asarray(size * self.mount.matrix[UP])
 
     @property
     def has_lags(self) -> bool:
@@ -138,9 +166,9 @@ class BiasModel:
         (rad/s^2), broadcast to one shape.  Raises ValueError for other than six of them, and if the
         model has a temperature term and `temperature_k` is None.
         """
-        angles = ArrayAngles.of(motion, temperature_k)
+        angles = ArrayAngles.of(motion, temperature_k, self.mount)
         azimuth, elevation = self._sum(
-            angles, (2, *angles.one.shape), ("rotation", "additive", "lag")
+            angles, (2, *angles.one.shape), ("rotation", "additive", "lag", "flexure")
         )
         return azimuth, elevation
 
@@ -180,11 +208,13 @@ class BiasModel:
         """
         observed = self._true_series(*motion)
         # The derivatives were given as those of the true motion: only the angles are unknown.
-        true, axes = observed.copy(), observed[:, :1]
+        true, axes, pull = observed.copy(), observed[:, :1], self.pull
         for _ in range(INVERSE_ITERATIONS):
             target = observed[:, :1] - self._lag(true) if self.has_lags else observed[:, :1]
             axes = self._without_encoders(target, axes, temperature_k)
             found = np.array(sky_from_axes(axes[0], axes[1], self.skew))
+            if pull is not None:
+                found = np.array(straight(found[0], found[1], pull))
             change = float(np.max(np.abs(found - true[:, :1])))
             true[:, :1] = found
             if change <= INVERSE_TOLERANCE_RAD or not self.has_lags:
@@ -233,8 +263,13 @@ class BiasModel:
 
     def _observed(self, true: Array, temperature_k: ArrayLike | None) -> Array:
         # Encoder, flexure and lag terms act at the axes: the mount's rotations come first.
-        axes = np.array(axes_from_sky(true[0], true[1], self.skew))
+        axes = self._rotated(true)
         return axes + self._shift(axes, ("additive", "lag"), temperature_k)
+
+    def _rotated(self, true: Array) -> Array:
+        pull = self.pull
+        beam = (true[0], true[1]) if pull is None else bent(true[0], true[1], pull)
+        return np.array(axes_from_sky(beam[0], beam[1], self.skew))
 
     def _shift(self, axes: Array, kinds: tuple[str, ...], temperature_k: ArrayLike | None) -> Array:
         return self._sum(SeriesAngles(axes[0], axes[1], temperature_k), axes.shape, kinds)
@@ -250,8 +285,7 @@ class BiasModel:
         return total
 
     def _lag(self, true: Array) -> Array:
-        axes = np.array(axes_from_sky(true[0], true[1], self.skew))
-        return self._shift(axes, ("lag",), None)[:, :1]
+        return self._shift(self._rotated(true), ("lag",), None)[:, :1]
 
     def _without_encoders(
         self, target: Array, start: Array, temperature_k: ArrayLike | None

@@ -63,6 +63,7 @@ class CandidatePass:
             observed_elevation_rad=track.elevation_rad,
             sigma_azimuth_rad=sigma,
             sigma_elevation_rad=sigma,
+            mount=track.mount,
             **track.truth(),
         )
 
@@ -89,11 +90,12 @@ class Slew(Params):
     )
 
     def check_together(self) -> None:
-        """Refuse a travel that is not a pair, or is less than a turn."""
+        """Refuse a travel that is not a pair."""
+        # Less than a turn is right: the axes of an X-Y mount stop short of the horizon.
         if self.travel_rad and (
-            len(self.travel_rad) != 2 or self.travel_rad[1] - self.travel_rad[0] < _TURN
+            len(self.travel_rad) != 2 or self.travel_rad[1] <= self.travel_rad[0]
         ):
-            raise ValueError(f"travel_rad={self.travel_rad} must be two ends at least a turn apart")
+            raise ValueError(f"travel_rad={self.travel_rad} must be two ends, the lower one first")
 
     def ends_rad(self, azimuth_rad: Array) -> tuple[float, float]:
         """Return first and last azimuth of a pass (n,) on the turn that fits the travel best."""
@@ -173,9 +175,7 @@ class _Table:
         azimuth = np.array([slew.ends_rad(t.azimuth_rad) for t in tracks])
         elevation = np.array([(t.elevation_rad[0], t.elevation_rad[-1]) for t in tracks])
         self._from, self._to = np.moveaxis(np.stack([azimuth, elevation], axis=-1), 1, 0)
-        self._counts = np.array(
-            [rule.coverage(t.azimuth_rad, t.elevation_rad).counts for t in tracks]
-        )
+        self._counts = np.array([rule.coverage(*t.sky_rad()).counts for t in tracks])
 
     def gain(self, filled: Counts, more: Counts) -> Counts:
         """Return how many points `more` (..., sectors) brings where they are missing."""

@@ -25,8 +25,9 @@ from rf_pointing.calibration.fit_result import FitResult, Nuisance, Prior, Rejec
 from rf_pointing.calibration.noise import NoiseScale, share_after_editing
 from rf_pointing.calibration.observations import Observations
 from rf_pointing.calibration.pass_errors import PassPriors, SharedErrors
-from rf_pointing.calibration.terms import TERM_NAMES, terms_by_name
+from rf_pointing.calibration.terms import mount_of, names_of, terms_by_name
 from rf_pointing.core import Params, parameter
+from rf_pointing.core.mount_types import AZIMUTH_ELEVATION
 from rf_pointing.core.types import Array
 
 # A step of a millionth of sigma: below it rounding, not the data, moves the terms.
@@ -82,15 +83,15 @@ class FitOptions(Params):
 
 
 def held_at_zero(fitted: Iterable[str]) -> dict[str, float]:
-    """Return the terms among the 14 that are not in `fitted`, each held at zero."""
-    names = set(fitted)
-    return {name: 0.0 for name in TERM_NAMES if name not in names}
+    """Return the terms among the 14 of their mount that are not in `fitted`, each held at zero."""
+    names = list(fitted)
+    return {name: 0.0 for name in names_of(mount_of(names)) if name not in names}
 
 
 def fit_bias_model(
     observations: Observations,
     *,
-    terms: Iterable[str] = TERM_NAMES,
+    terms: Iterable[str] | None = None,
     held: Mapping[str, float] | None = None,
     priors: Mapping[str, Prior] | None = None,
     pass_priors: PassPriors | None = None,
@@ -104,7 +105,8 @@ def fit_bias_model(
     Parameters
     ----------
     terms, held
-        Terms to fit, by name; every other one of the 14 must be in `held` with its value.
+        Terms to fit, by name, by default the 14 of the mount; every other one of these must be in
+        `held` with its value.
     priors
         Value and sigma of terms that are known before the data.
     pass_priors
@@ -122,8 +124,9 @@ def fit_bias_model(
         Naming terms that the data cannot separate or that are neither fitted nor held; for too few
         passes, too many rejected observations, and a fit that has not settled.
     """
-    names, chosen = tuple(terms), options or FitOptions()
-    _check_names(names, held or {}, priors or {})
+    kind, chosen = observations.mount.type, options or FitOptions()
+    names = names_of(kind) if terms is None else tuple(terms)
+    _check_names(names, held or {}, priors or {}, kind)
     if pass_priors is not None and chosen.covariance == "sandwich":
         raise ValueError(
             "covariance='sandwich' with pass_priors counts the errors of a pass twice: choose one"
@@ -216,6 +219,7 @@ def _result(problem: FitProblem, last: Round, options: FitOptions) -> FitResult:
         held=problem.held,
         form=options.form,
         station=data.station,
+        mount=data.mount,
         band=data.band,
         condition=solution.condition,
         residual_azimuth_rad=last.residuals[0],
@@ -256,17 +260,18 @@ def excess_of(noise: tuple[NoiseScale, NoiseScale]) -> float:
 
 
 def _check_names(
-    names: tuple[str, ...], held: Mapping[str, float], priors: Mapping[str, Prior]
+    names: tuple[str, ...], held: Mapping[str, float], priors: Mapping[str, Prior], kind: str
 ) -> None:
     """Raise ValueError for unknown names and terms of the 14 that are not fitted or held once."""
     if not names:
         raise ValueError("terms is empty, must name at least one term to fit")
-    terms_by_name(names)
-    terms_by_name(held)
+    other = "" if kind == AZIMUTH_ELEVATION else kind
+    terms_by_name(names, other)
+    terms_by_name(held, other)
     both = [name for name in names if name in held]
     if both:
         raise ValueError(f"term {', '.join(both)} is both fitted and held")
-    missing = [name for name in TERM_NAMES if name not in names and name not in held]
+    missing = [name for name in names_of(kind) if name not in names and name not in held]
     if missing:
         raise ValueError(
             f"term {', '.join(missing)} is neither fitted nor held: give it a value in held"

@@ -145,7 +145,10 @@ class FitProblem:
             Sharing.of(data, shared) if shared is not None and pass_priors is not None else None
         )
         self.linear = form == "printed"
-        angles, terms = ArrayAngles.of(data.motion(), data.temperature_k), terms_by_name(names)
+        angles, terms = (
+            ArrayAngles.of(data.motion(), data.temperature_k, data.mount),
+            terms_by_name(names),
+        )
         self.blocks = (
             Block.of(angles, [term.azimuth for term in terms]),
             Block.of(angles, [term.elevation for term in terms]),
@@ -291,7 +294,8 @@ class FitProblem:
         return self._last[1]
 
     def _evaluated(self, values: Array) -> Array:
-        model = BiasModel({**self.held, **dict(zip(self.names, values.tolist(), strict=True))})
+        values_by_name = dict(zip(self.names, values.tolist(), strict=True))
+        model = BiasModel({**self.held, **values_by_name}, self.data.mount)
         motion, temperature = self.data.motion(), self.data.temperature_k
         # The printed form is linear: its one round would never see the exact rotations.
         if self.linear:

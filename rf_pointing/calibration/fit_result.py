@@ -12,6 +12,7 @@ from rf_pointing.calibration.noise import NoiseScale
 from rf_pointing.calibration.normal_equations import advice_for
 from rf_pointing.calibration.pass_errors import PassErrors, PassPriors, SharedErrors, Sharing
 from rf_pointing.core import require_finite
+from rf_pointing.core.kinematics import LEVEL, Kinematics
 from rf_pointing.core.types import Array
 
 # Correlation above which two fitted terms are reported as poorly separated.
@@ -101,6 +102,7 @@ class FitResult:
     nuisance_values: Array
     nuisance_covariance: Array
     priors: Mapping[str, Prior]
+    mount: Kinematics = LEVEL
 
     @cached_property
     def sigma(self) -> Array:
@@ -126,7 +128,7 @@ class FitResult:
     @property
     def model(self) -> BiasModel:
         """Return the bias model with these coefficients."""
-        return BiasModel(self.coefficients)
+        return BiasModel(self.coefficients, self.mount)
 
     def sigma_of(self, name: str) -> float:
         """Return the standard deviation of one fitted term."""

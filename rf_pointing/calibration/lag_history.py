@@ -17,11 +17,10 @@ from typing import NamedTuple
 import numpy as np
 
 from rf_pointing.calibration.bias_model import BiasModel
+from rf_pointing.calibration.terms import numbered
 from rf_pointing.core.types import Array, Pair
 
 Averages = tuple[float, float, float, float]
-VELOCITY = ("azimuth_velocity_lag", "elevation_velocity_lag")
-ACCELERATION = ("azimuth_acceleration_lag", "elevation_acceleration_lag")
 # Steps in which a motion that nobody saw is assumed.
 UNSEEN_STEP_S = 0.1
 # Times of the average after which a motion has left no trace.
@@ -43,10 +42,9 @@ class LagHistory:
     def __init__(self, model: BiasModel, averaging_s: float) -> None:
         if not averaging_s > 0.0:
             raise ValueError(f"averaging_s={averaging_s} must be > 0")
-        known = model.coefficients
+        lags = np.array(numbered(model.coefficients, 6, 13, 7, 14))
         self._time_s = averaging_s
-        self._velocity_s = np.array([known[name] for name in VELOCITY])
-        acceleration_s2 = np.array([known[name] for name in ACCELERATION])
+        self._velocity_s, acceleration_s2 = lags[:2], lags[2:]
         # x_a = 0 says "not fitted": adding T x_v to it would plan a lag that nobody has measured.
         self._damping_s2 = np.where(
             acceleration_s2 == 0.0, 0.0, acceleration_s2 + averaging_s * self._velocity_s

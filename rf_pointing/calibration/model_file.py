@@ -15,9 +15,11 @@ import yaml
 
 from rf_pointing.calibration.bias_model import BiasModel
 from rf_pointing.calibration.fit_result import FitResult
-from rf_pointing.calibration.terms import ALL_TERMS
-from rf_pointing.core import require_choice, require_finite
+from rf_pointing.calibration.terms import ALL_TERMS, FURTHER_TERMS, MOUNT_TERMS, mount_of
+from rf_pointing.core import from_degrees, require_choice, require_finite, to_degrees
 from rf_pointing.core.dates import from_utc_text, to_utc_text
+from rf_pointing.core.kinematics import LEVEL, Kinematics
+from rf_pointing.core.mount_types import AZIMUTH_ELEVATION, MOUNTS
 from rf_pointing.core.types import Array
 from rf_pointing.core.whole_file import parse_json, parse_yaml, read_whole, write_whole
 
@@ -150,6 +152,7 @@ def _to_mapping(version: ModelVersion) -> dict[str, Any]:
     return {
         "format": FORMAT,
         **{name: getattr(version, name) for name in _TEXTS},
+        **_mount_entry(version.model),
         "created_utc": _stamp(version.created_t_s),
         "validity": {"from_utc": _stamp(version.valid_from_t_s), "until_utc": until},
         "data": {
@@ -176,7 +179,7 @@ def _to_mapping(version: ModelVersion) -> dict[str, Any]:
 
 def _from_mapping(mapping: Any) -> ModelVersion:
     sections = ("created_utc", "validity", "data", "fit", "terms", "covariance")
-    top = _Section(mapping, "", ("format", *_TEXTS, *sections))
+    top = _Section(mapping, "", ("format", *_TEXTS, *sections), ("mount",))
     require_choice("format", top.text("format"), (FORMAT,))
     validity = top.section("validity", ("from_utc", "until_utc"))
     data = top.section("data", ("first_utc", "last_utc", *_COUNTS))
@@ -238,10 +241,34 @@ def _term_entry(name: str, value: float, sigma: float | None) -> dict[str, Any]:
     return entry
 
 
+def _mount_entry(model: BiasModel) -> dict[str, Any]:
+    """Return how the axes lie; nothing for azimuth and elevation."""
+    # What a lower axis, a latitude or a tilt is for is in the table of the mounts.
+    mount = model.mount or Kinematics(type=mount_of(model.coefficients))
+    own = (*MOUNTS[mount.type].keys, *(["latitude_deg"] if MOUNTS[mount.type].polar else []))
+    every = {key: value for key, value in vars(mount).items() if not key.startswith("_")}
+    edge = dict(to_degrees(name, value) for name, value in every.items() if name != "type")
+    entry = {"type": mount.type} | {key: edge[key] for key in own}
+    return {"mount": entry} if mount.type != AZIMUTH_ELEVATION else {}
+
+
+def _read_mount(top: "_Section") -> Kinematics:
+    """Return the mount; a file that says nothing is of azimuth and elevation."""
+    if not top.has("mount"):
+        return LEVEL
+    entry = top.section("mount", ("type",), ("lower_axis", "latitude_deg", "tilt_deg"))
+    values: dict[str, Any] = dict(from_degrees(name, value) for name, value in entry.values.items())
+    try:
+        return Kinematics(**values)
+    except ValueError as error:
+        raise ValueError(f"mount: {error}") from None
+
+
 def _read_terms(top: "_Section") -> tuple[BiasModel, dict[str, tuple[str, float]]]:
     """Return the model, and key and sigma (unit of the file) of each fitted term."""
-    values, sigma = {}, {}
-    terms = top.section("terms", (), tuple(ALL_TERMS))
+    values, sigma, mount = {}, {}, _read_mount(top)
+    known = (*MOUNT_TERMS[mount.type], *FURTHER_TERMS[mount.type])
+    terms = top.section("terms", (), tuple(term.name for term in known))
     for name in terms.values:
         unit, scale = _edge(name)
         entry = terms.section(name, (f"value_{unit}", "used", "fixed"), (f"sigma_{unit}",))
@@ -255,7 +282,7 @@ def _read_terms(top: "_Section") -> tuple[BiasModel, dict[str, tuple[str, float]
             if not entry.has(f"sigma_{unit}"):
                 raise ValueError(f"{entry.key(f'sigma_{unit}')} is missing")
             sigma[name] = entry.key(f"sigma_{unit}"), entry.number(f"sigma_{unit}")
-    return BiasModel(values), sigma
+    return BiasModel(values, mount), sigma
 
 
 def _read_covariance(top: "_Section", stated: Mapping[str, tuple[str, float]]) -> Array:

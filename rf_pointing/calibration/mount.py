@@ -1,10 +1,15 @@
-"""Exact geometry of an elevation-over-azimuth mount with tilted, skewed and miscollimated axes.
+"""Exact geometry of a mount of two axes that are tilted, skewed, miscollimated, and bend.
 
 The beam of a mount at the axis angles (A, E) points along  T Rz(A) Rn(x2) Re(E) c(x3):  T leans the
 azimuth axis by x8 to the north and x9 to the east, Rn skews the elevation axis, c is the beam off
-the plane normal to that axis. To first order in x2, x3, x8, x9 this is the printed tan/sec form of
-SATCAL eqs. (1)-(2); unlike it, it stays finite at the zenith.  All angles are Taylor series (m,
-...).
+the plane normal to that axis.  The fixed rotations of `core/kinematics.py` come before the chain of
+any other mount: its pole takes the place of the zenith.  There the beam bends along the vertical z,
+
+    u_axes = (u + x11 z) / |u + x11 z|,    x11 cos El upward on the sky to first order,
+
+which `bent` and `straight` apply and undo.  To first order in x2, x3, x8, x9 this is the printed
+tan/sec form of SATCAL eqs. (1)-(2); unlike it, it stays finite at the zenith.  All angles are
+Taylor series (m, ...).
 """
 
 import math
@@ -13,6 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rf_pointing.calibration import taylor
+from rf_pointing.core.kinematics import UP, Kinematics
 from rf_pointing.core.types import Array
 
 
@@ -84,11 +90,60 @@ def sky_from_axes(axis_azimuth: Array, axis_elevation: Array, skew: Skew) -> tup
     up = cos_n * cos_c * sin_e - sin_n * sin_c * taylor.constant(1.0, sin_e)
     east = taylor.multiply(right, cos_a) + taylor.multiply(forward, sin_a)
     north = taylor.multiply(forward, cos_a) - taylor.multiply(right, sin_a)
-    east, north, up = _rotated(skew.tilt(), (east, north, up))
-    branch = np.where(axis_elevation[0] > np.pi / 2.0, -1.0, 1.0)
+    return _angles(_rotated(skew.tilt(), (east, north, up)), axis_azimuth, axis_elevation)
+
+
+def bent(azimuth: Array, elevation: Array, pull: Array) -> tuple[Array, Array]:
+    """Return the direction of a beam that is pulled by a vector (3,); `straight` is the inverse."""
+    at = _direction(azimuth, elevation)
+    pulled = [u + p * taylor.constant(1.0, u) for u, p in zip(at, pull.tolist(), strict=True)]
+    return _angles((pulled[0], pulled[1], pulled[2]), azimuth, elevation)
+
+
+def straight(azimuth: Array, elevation: Array, pull: Array) -> tuple[Array, Array]:
+    """Return the direction whose pulled beam points here: u = s w - p with |u| = 1."""
+    at = _direction(azimuth, elevation)
+    along = sum(p * w for w, p in zip(at, pull.tolist(), strict=True))
+    left = taylor.constant(1.0 - float(pull @ pull), at[0]) + taylor.multiply(along, along)
+    scale = along + taylor.square_root(left)
+    found = [
+        taylor.multiply(scale, w) - p * taylor.constant(1.0, w)
+        for w, p in zip(at, pull.tolist(), strict=True)
+    ]
+    return _angles((found[0], found[1], found[2]), azimuth, elevation)
+
+
+def _angles(
+    vector: tuple[Array, Array, Array], near: Array, elevation: Array
+) -> tuple[Array, Array]:
+    """Return the angles of a vector, on the turn and the branch of `near` and `elevation`."""
+    east, north, up = vector
+    branch = np.where(elevation[0] > np.pi / 2.0, -1.0, 1.0)
     horizontal = taylor.square_root(taylor.multiply(east, east) + taylor.multiply(north, north))
     azimuth = taylor.angle_of(branch * east, branch * north)
-    return _near(azimuth, axis_azimuth), taylor.angle_of(up, branch * horizontal)
+    return _near(azimuth, near), taylor.angle_of(up, branch * horizontal)
+
+
+def lift(mount: Kinematics, first: Array, second: Array) -> tuple[Array, Array]:
+    """Return by what the axes turn where the beam is lifted by the cosine of its elevation.
+
+    That is what a pull of one along the vertical z does: z' e_1 / cos b and z' e_2, with the unit
+    vectors e along the axes.  Azimuth turns by nothing, elevation by cos El.
+    """
+    (right, ahead, pole), sine, cosine = mount.matrix[UP], np.sin(first), np.cos(first)
+    across = (right * cosine - ahead * sine) / np.cos(second)
+    return across, pole * np.cos(second) - (right * sine + ahead * cosine) * np.sin(second)
+
+
+def risen(mount: Kinematics, first: Array, second: Array, by_rad: Array) -> Array:
+    """Return the change (2, n) of the axes where a beam at these angles rises a little."""
+    if mount.level:
+        # Upward on the sky is downward on the axis of a dish over the top.
+        return np.stack([0.0 * by_rad, np.where(second > 0.5 * math.pi, -by_rad, by_rad)])
+    across, along = lift(mount, first, second)
+    # At the zenith nothing rises: what air and ionosphere bend ends there.
+    size = np.maximum(np.hypot(across * np.cos(second), along), 1e-9)
+    return np.asarray(np.stack([across, along]) * by_rad / size)
 
 
 def _direction(azimuth: Array, elevation: Array) -> tuple[Array, Array, Array]:

@@ -6,11 +6,13 @@ observed minus true.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rf_pointing.core import as_finite_array, to_degrees, wrap_rad
+from rf_pointing.core.kinematics import LEVEL, Kinematics
 from rf_pointing.core.types import Array
 
 # Difference on the sky of observed and true direction above which the data must be wrong.
@@ -57,8 +59,9 @@ class Observations:
     `t_s` are UTC seconds; `pass_id` numbers the pass an observation belongs to, times increase
     within a pass. Rates and accelerations are those of the true motion.  `sigma_azimuth_rad` is in
     azimuth, not on the sky (the on-sky sigma divided by cos El).  `range_m` and `range_rate_m_s`
-    are needed for orbit-error parameters, `temperature_k` for thermal terms.  Raises ValueError for
-    anything that cannot be such data.
+    are needed for orbit-error parameters, `temperature_k` for thermal terms.  Angles of
+    another `mount` are those of its lower and upper axis.  Raises ValueError for anything that
+    cannot be such data.
     """
 
     station: str
@@ -78,6 +81,7 @@ class Observations:
     range_m: Array | None = None
     range_rate_m_s: Array | None = None
     temperature_k: Array | None = None
+    mount: Kinematics = LEVEL
 
     def __post_init__(self) -> None:
         if not self.station:
@@ -137,16 +141,14 @@ class Observations:
         """Return all parts as one; raises ValueError for mixed stations, bands or columns."""
         if not parts:
             raise ValueError("observations: 0 parts, must have at least 1")
-        for name in ("station", "band"):
-            values = sorted({getattr(part, name) for part in parts})
+        for name in ("station", "band", "mount"):
+            values = sorted({str(getattr(part, name)) for part in parts})
             if len(values) > 1:
                 raise ValueError(
                     f"{name} is mixed: {', '.join(values)}; one model belongs to one {name}"
                 )
-        joined = {}
-        for name in (
-            item.name for item in fields(Observations) if item.name not in ("station", "band")
-        ):
+        joined: dict[str, Any] = {}
+        for name in COLUMNS:
             values = [getattr(part, name) for part in parts]
             missing = sum(value is None for value in values)
             # A gap filled with zeros would be a range of zero: orbit errors at infinite angles.
@@ -154,7 +156,17 @@ class Observations:
                 raise ValueError(f"{name} is given for some parts only")
             if not missing:
                 joined[name] = np.concatenate(values)
-        return Observations(station=parts[0].station, band=parts[0].band, **joined)
+        return replace(parts[0], **joined)
+
+    def sky_rad(self) -> tuple[Array, Array]:
+        """Return the true azimuth and elevation (n,)."""
+        return self.mount.directions(self.true_azimuth_rad, self.true_elevation_rad)
+
+
+COLUMNS = tuple(
+    item.name for item in fields(Observations) if item.name not in ("station", "band", "mount")
+)
+"""Names of the columns of observations."""
 
 
 def _finite(name: str, value: ArrayLike, length: int | None) -> Array:
@@ -208,7 +220,7 @@ def _check_angles(data: Observations) -> None:
     spread = float(np.median(np.abs(wrap_rad(data.residual_azimuth_rad - turn))))
     reason = f"rad must be <= {LARGEST_BIAS_RAD}; swapped columns, another station or degrees?"
     # One bad row among good ones is not another north.
-    if spread < _TURNED_SPREAD_RAD and abs(turn) > LARGEST_BIAS_RAD:
+    if data.mount.level and spread < _TURNED_SPREAD_RAD and abs(turn) > LARGEST_BIAS_RAD:
         reason = f"rad must be <= {LARGEST_BIAS_RAD}: {north_text(turn)}"
     _refuse_where(distance > LARGEST_BIAS_RAD, "observed minus true direction", distance, reason)
 

@@ -22,7 +22,9 @@ from numpy.typing import NDArray
 
 from rf_pointing.calibration.observations import Observations
 from rf_pointing.calibration.reference import ReferenceTrack
+from rf_pointing.calibration.terms import numbered
 from rf_pointing.core import Params, azel_from_unit_vector, parameter, wrap_rad
+from rf_pointing.core.kinematics import LEVEL, Kinematics
 from rf_pointing.core.types import Array
 
 _EARTH_RADIUS_M = 6.371e6
@@ -146,7 +148,7 @@ class Sharing:
         """Return those of the passes of `data`, ascending; a pass without a set is its own."""
         numbers, first = np.unique(data.pass_id, return_index=True)
         names = [shared.sets.get(number, f"pass {number}") for number in numbers.tolist()]
-        sight = _Sight.of(data.motion(), *_ranges(data))
+        sight = _sight_of(data)
         pole = np.array([0.0, np.cos(shared.latitude_rad), np.sin(shared.latitude_rad)])
         # The inertial velocity counts: that of the ground turns the plane by some degrees.
         position = sight.geocentric_m
@@ -207,7 +209,7 @@ def pass_partials(
     data = observations
     elapsed_s = data.t_s - middles_of_passes(data)
     return motion_partials(
-        elapsed_s, data.motion(), data.range_m, data.range_rate_m_s, names, lags_s
+        elapsed_s, data.motion(), data.range_m, data.range_rate_m_s, names, lags_s, data.mount
     )
 
 
@@ -218,6 +220,7 @@ def motion_partials(
     range_rate_m_s: Array | None,
     names: Sequence[str],
     lags_s: tuple[float, float],
+    mount: Kinematics = LEVEL,
 ) -> tuple[Array, Array]:
     """Return the same of a motion (angles, rates, accelerations) `elapsed_s` from mid-pass."""
     # A clock error alone needs no range: the rates are enough.
@@ -230,15 +233,16 @@ def motion_partials(
             ahead = _ahead(motion, lag)
             seen[lag] = {"clock_s": np.stack(ahead[2:4])}
             if of_orbit and range_m is not None and range_rate_m_s is not None:
-                sight = _Sight.of(ahead, range_m + lag * range_rate_m_s, range_rate_m_s)
+                sight = _Sight.of(ahead, range_m + lag * range_rate_m_s, range_rate_m_s, mount)
                 seen[lag] |= _orbit_columns(elapsed_s + lag, sight)
         both.append(np.stack([seen[lag][name][axis] for name in names], axis=-1))
     return both[0], both[1]
 
 
 def lags_of(coefficients: Mapping[str, float]) -> tuple[float, float]:
-    """Return the velocity lags of azimuth and elevation."""
-    return coefficients["azimuth_velocity_lag"], coefficients["elevation_velocity_lag"]
+    """Return the velocity lags of the lower and the upper axis."""
+    lower, upper = numbered(coefficients, 6, 13)
+    return lower, upper
 
 
 def _ahead(motion: Sequence[Array], time_s: float) -> list[Array]:
@@ -249,12 +253,12 @@ def _ahead(motion: Sequence[Array], time_s: float) -> list[Array]:
 
 def track_axes(observations: Observations) -> tuple[Array, Array, Array]:
     """Return unit vectors (n, 3) along, across and radial to the track, east-north-up."""
-    return _Sight.of(observations.motion(), *_ranges(observations)).track_axes
+    return _sight_of(observations).track_axes
 
 
 def shift_by(observations: Observations, metres: Array) -> tuple[Array, Array]:
     """Return the shifts (n,) of a target moved along, across and up, `metres` (n, 3)."""
-    sight = _Sight.of(observations.motion(), *_ranges(observations))
+    sight = _sight_of(observations)
     shift = sight.shift(
         sum(m[:, np.newaxis] * axis for m, axis in zip(metres.T, sight.track_axes, strict=True))
     )
@@ -267,9 +271,13 @@ def _ranges(observations: Observations) -> tuple[Array, Array]:
     return observations.range_m, observations.range_rate_m_s
 
 
+def _sight_of(observations: Observations) -> "_Sight":
+    return _Sight.of(observations.motion(), *_ranges(observations), observations.mount)
+
+
 def site_partials(observations: Observations) -> tuple[Array, Array]:
     """Return the partials (n, 3) by metres that the antenna is east, north and up of its site."""
-    sight = _Sight.of(observations.motion(), *_ranges(observations))
+    sight = _sight_of(observations)
     columns = np.stack(
         [sight.shift(-np.broadcast_to(axis, (len(observations), 3))) for axis in np.eye(3)], axis=-1
     )
@@ -286,20 +294,27 @@ class _Sight:
     elevation_rate_rad_s: Array
     range_m: Array
     range_rate_m_s: Array
+    mount: Kinematics = LEVEL
 
     @classmethod
-    def of(cls, motion: Sequence[Array], range_m: Array, range_rate_m_s: Array) -> "_Sight":
+    def of(
+        cls, motion: Sequence[Array], range_m: Array, range_rate_m_s: Array, mount: Kinematics
+    ) -> "_Sight":
         """Return the line of sight of a motion: angles, their rates, and what else there is."""
-        return cls(motion[0], motion[1], motion[2], motion[3], range_m, range_rate_m_s)
+        return cls(motion[0], motion[1], motion[2], motion[3], range_m, range_rate_m_s, mount)
 
     @cached_property
     def axes(self) -> tuple[Array, Array, Array]:
-        """Unit vectors (n, 3) toward the target, clockwise and upward of it."""
+        """Unit vectors (n, 3) toward the target, clockwise and upward of it, east-north-up."""
         sin_az, cos_az = np.sin(self.azimuth_rad), np.cos(self.azimuth_rad)
         sin_el, cos_el = np.sin(self.elevation_rad), np.cos(self.elevation_rad)
         toward = np.stack([cos_el * sin_az, cos_el * cos_az, sin_el], axis=1)
         clockwise = np.stack([cos_az, -sin_az, np.zeros_like(sin_az)], axis=1)
-        return toward, clockwise, np.stack([-sin_el * sin_az, -sin_el * cos_az, cos_el], axis=1)
+        upward = np.stack([-sin_el * sin_az, -sin_el * cos_az, cos_el], axis=1)
+        if self.mount.level:
+            return toward, clockwise, upward
+        turn = self.mount.matrix.T
+        return toward @ turn, clockwise @ turn, upward @ turn
 
     @cached_property
     def geocentric_m(self) -> Array:
@@ -395,13 +410,15 @@ def _finely(track: ReferenceTrack) -> tuple[ReferenceTrack, _Sight]:
     length_s = track.t_s[-1] - track.t_s[0]
     if step_s < track.t_s[1] - track.t_s[0]:
         track = track.at(np.linspace(track.t_s[0], track.t_s[-1], 2 + int(length_s / step_s)))
-    return track, _Sight.of(track.motion(), track.range_m, track.range_rate_m_s)
+    return track, _Sight.of(track.motion(), track.range_m, track.range_rate_m_s, track.mount)
 
 
 def _moved(track: ReferenceTrack, sight: _Sight, metres: Array, late_s: float) -> ReferenceTrack:
     motion = track.motion()
     moved = track.range_m[:, np.newaxis] * sight.axes[0] + metres
-    azimuth, elevation = azel_from_unit_vector(moved)
+    azimuth, elevation = azel_from_unit_vector(
+        moved if track.mount.level else moved @ track.mount.matrix
+    )
     # Over the top, a dish reaches the same direction with another pair of axis angles.
     over = motion[1] > 0.5 * np.pi
     azimuth, elevation = (

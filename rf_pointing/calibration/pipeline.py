@@ -12,7 +12,7 @@ that a mean could distort, and the points have no bias at any elevation.
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -21,13 +21,15 @@ from numpy.typing import NDArray
 from rf_pointing.calibration.bias_model import BiasModel
 from rf_pointing.calibration.coverage import Coverage, SectorRule, select_by_sector
 from rf_pointing.calibration.ionosphere import Ionosphere
+from rf_pointing.calibration.mount import risen
 from rf_pointing.calibration.noise import noise_of
 from rf_pointing.calibration.observations import Observations
 from rf_pointing.calibration.pass_errors import PassErrors, displaced, lags_of, motion_partials
 from rf_pointing.calibration.raw_tracking import RawTracking, StageReport, require_unit, validate
-from rf_pointing.calibration.reference import ReferenceTrack
+from rf_pointing.calibration.reference import COLUMNS, ReferenceTrack
 from rf_pointing.calibration.thinning import Thinned, find_outliers, smooth, thin
 from rf_pointing.core import wrap_rad
+from rf_pointing.core.kinematics import Kinematics
 from rf_pointing.core.types import Array
 
 # A perfect simulation scatters by nothing; a sigma of zero would divide by zero in the fit.
@@ -107,13 +109,13 @@ class TrackedPass:
             for name, value in self.raw.channels.items()
         }
         if self.ionosphere is not None:
-            axis_rad = self.track.elevation_rad
-            height_rad = np.minimum(axis_rad, np.pi - axis_rad)
-            # Upward on the sky is downward on the axis of a dish over the top.
-            upward = np.where(axis_rad > 0.5 * np.pi, -1.0, 1.0)
-            found["elevation_rad"] -= upward * self.ionosphere.bending(
-                height_rad, self.track.range_m
-            )
+            up_rad = self.track.sky_rad()[1]
+            height_rad = np.minimum(up_rad, np.pi - up_rad)
+            bending = self.ionosphere.bending(height_rad, self.track.range_m)
+            angles = self.track.motion()[:2]
+            across, along = risen(self.track.mount, angles[0], angles[1], bending)
+            found["azimuth_rad"] -= across
+            found["elevation_rad"] -= along
             if "range_m" in found:
                 found["range_m"] -= self.ionosphere.delay_m(height_rad)
         return found
@@ -245,14 +247,16 @@ class RawPasses:
     ) -> Observations:
         # The true motion is that with the errors known so far, about which they are linear; their
         # linear part is put back, for the fit finds whole errors and not their changes.
-        shift = known.bias_rad(tracks) + _error_shift_rad(known, tracks, smoothed.passes)
+        one = next(iter(self._numbers.values()))
+        raw, mount = one.raw, one.reference.mount
+        shift = known.bias_rad(tracks) + _error_shift_rad(known, tracks, smoothed.passes, mount)
         # The angles are the first channels of a pass.
         azimuth, elevation = smoothed.residuals.T[:2]
-        raw = next(iter(self._numbers.values())).raw
         angles = ("azimuth_rad", "elevation_rad")
         return Observations(
             station=raw.station,
             band=raw.band,
+            mount=mount,
             pass_id=smoothed.passes,
             observed_azimuth_rad=tracks["azimuth_rad"] + shift[0] + azimuth,
             observed_elevation_rad=tracks["elevation_rad"] + shift[1] + elevation,
@@ -273,10 +277,7 @@ class RawPasses:
 
 def _joined(tracks: Sequence[ReferenceTrack]) -> dict[str, Array]:
     """Return the columns of all tracks, one after the other."""
-    return {
-        item.name: np.concatenate([getattr(one, item.name) for one in tracks])
-        for item in fields(ReferenceTrack)
-    }
+    return {name: np.concatenate([getattr(one, name) for one in tracks]) for name in COLUMNS}
 
 
 def _displaced(one: TrackedPass, errors: PassErrors | None) -> ReferenceTrack:
@@ -284,7 +285,7 @@ def _displaced(one: TrackedPass, errors: PassErrors | None) -> ReferenceTrack:
 
 
 def _error_shift_rad(
-    known: PriorKnowledge, tracks: Mapping[str, Array], passes: NDArray[np.int64]
+    known: PriorKnowledge, tracks: Mapping[str, Array], passes: NDArray[np.int64], mount: Kinematics
 ) -> Array:
     """Return the shifts (2, n) of the angles that are linear in the errors of the passes."""
     errors = known.errors
@@ -299,7 +300,7 @@ def _error_shift_rad(
     motion = [tracks[name] for name in _MOTION]
     elapsed_s = tracks["t_s"] - middle
     partials = motion_partials(
-        elapsed_s, motion, tracks["range_m"], tracks["range_rate_m_s"], names, known.lags_s
+        elapsed_s, motion, tracks["range_m"], tracks["range_rate_m_s"], names, known.lags_s, mount
     )
     return np.stack([np.einsum("ij,ij->i", axis, values[place]) for axis in partials])
 
@@ -322,11 +323,9 @@ def select_observations(
 ) -> tuple[Observations, Coverage, StageReport]:
     """Choose the points of each sector from all passes; `require_full` refuses a thin sector."""
     together = Observations.concatenate(list(passes))
-    rows, dropped = select_by_sector(
-        together.true_azimuth_rad, together.true_elevation_rad, together.pass_id, rule
-    )
+    rows, dropped = select_by_sector(*together.sky_rad(), together.pass_id, rule)
     chosen = together.select(rows)
-    coverage = rule.coverage(chosen.true_azimuth_rad, chosen.true_elevation_rad)
+    coverage = rule.coverage(*chosen.sky_rad())
     # Thin sectors let terms trade places: a paper's campaign is refused, an operator's is reported.
     if require_full:
         coverage.require_full()

@@ -6,12 +6,14 @@ range the cubic through range and range rate.  All times are UTC seconds since 1
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rf_pointing.core import as_finite_array
 from rf_pointing.core.hermite import quintic_coefficients
+from rf_pointing.core.kinematics import LEVEL, Kinematics
 from rf_pointing.core.types import Array
 
 
@@ -19,8 +21,8 @@ from rf_pointing.core.types import Array
 class ReferenceTrack:
     """True motion of the target over the station, arrays (n,) at rising `t_s`, azimuth continuous.
 
-    Raises ValueError for unequal lengths, values that are not finite and times that do not
-    increase.
+    Angles of another `mount` are those of its axes (`on`).  Raises ValueError for unequal lengths,
+    values that are not finite and times that do not increase.
     """
 
     t_s: Array
@@ -32,19 +34,22 @@ class ReferenceTrack:
     elevation_acceleration_rad_s2: Array
     range_m: Array
     range_rate_m_s: Array
+    mount: Kinematics = LEVEL
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "t_s", as_finite_array("t_s", self.t_s, (None,)))
-        for item in fields(self):
-            object.__setattr__(
-                self,
-                item.name,
-                as_finite_array(item.name, getattr(self, item.name), (len(self.t_s),)),
-            )
+        for name in COLUMNS:
+            column = as_finite_array(name, getattr(self, name), (len(self.t_s),))
+            object.__setattr__(self, name, column)
         if len(self.t_s) < 2 or np.any(np.diff(self.t_s) <= 0.0):
             raise ValueError(
                 "reference t_s must have at least 2 points and increase from point to point"
             )
+
+    @classmethod
+    def of(cls, look: Any) -> "ReferenceTrack":
+        """Return the track of what has its columns, as the look angles of an ephemeris."""
+        return cls(**{name: getattr(look, name) for name in COLUMNS})
 
     def covers(self, t_s: ArrayLike) -> NDArray[np.bool_]:
         """Return which times lie within the samples; the track is never extrapolated."""
@@ -62,7 +67,7 @@ class ReferenceTrack:
         # The last sample belongs to the last interval, or there would be no interval to its right.
         left = np.clip(np.searchsorted(self.t_s, times, side="right") - 1, 0, len(self.t_s) - 2)
         step, elapsed = self.t_s[left + 1] - self.t_s[left], times - self.t_s[left]
-        columns = {"t_s": times}
+        columns: dict[str, Any] = {"t_s": times}
         # The quintic also meets the accelerations, which the lag terms x7 and x14 need.
         for axis in ("azimuth", "elevation"):
             names = (f"{axis}_rad", f"{axis}_rate_rad_s", f"{axis}_acceleration_rad_s2")
@@ -70,7 +75,22 @@ class ReferenceTrack:
             columns |= zip(names, _quintic(samples, left, step, elapsed), strict=True)
         distance = _cubic(self.range_m, self.range_rate_m_s, left, step, elapsed)
         columns |= zip(("range_m", "range_rate_m_s"), distance, strict=True)
-        return ReferenceTrack(**columns)
+        return replace(self, **columns)
+
+    def on(self, mount: Kinematics) -> "ReferenceTrack":
+        """Return the motion on the sky as that of the axes of a mount."""
+        if mount == self.mount:
+            return self
+        names = [name for name in COLUMNS if "azimuth" in name or "elevation" in name]
+        pairs = [
+            np.column_stack([getattr(self, name) for name in names[k : k + 2]]) for k in (0, 2, 4)
+        ]
+        columns = np.concatenate(mount.to_axes(pairs[0], pairs[1], pairs[2]), axis=1).T
+        return replace(self, mount=mount, **dict(zip(names, columns, strict=True)))
+
+    def sky_rad(self) -> tuple[Array, Array]:
+        """Return azimuth and elevation (n,)."""
+        return self.mount.directions(self.azimuth_rad, self.elevation_rad)
 
     def over_the_top(self) -> "ReferenceTrack":
         """Return the motion in axis angles of a dish over the top, (az + 180 deg, 180 deg - el)."""
@@ -88,13 +108,15 @@ class ReferenceTrack:
 
     def truth(self) -> dict[str, Array]:
         """Return the columns of `Observations` that hold the true motion, by name."""
-        columns = {
-            item.name: getattr(self, item.name) for item in fields(self) if item.name != "t_s"
-        }
+        columns = {name: getattr(self, name) for name in COLUMNS if name != "t_s"}
         return {
             f"true_{name}" if name in ("azimuth_rad", "elevation_rad") else name: columns[name]
             for name in columns
         }
+
+
+COLUMNS = tuple(item.name for item in fields(ReferenceTrack) if item.name != "mount")
+"""Names of the columns of a track."""
 
 
 def _quintic(

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from rf_pointing.calibration.fit_problem import FitProblem
 from rf_pointing.calibration.fit_result import FitResult, Nuisance
+from rf_pointing.calibration.mount import risen
 from rf_pointing.calibration.observations import Observations, north_text
 from rf_pointing.calibration.outlying_passes import MEASURABLE_FROM, free_errors
 from rf_pointing.calibration.pass_errors import PassPriors, site_partials
@@ -149,7 +150,11 @@ def refraction_nuisance(
 
 
 def _bending(points: Observations, refraction: RadioRefraction) -> Array:
-    bending = refraction.apply(points.true_elevation_rad) - points.true_elevation_rad
+    elevation_rad = points.sky_rad()[1]
+    bending = refraction.apply(elevation_rad) - elevation_rad
+    if not points.mount.level:
+        angles = points.motion()
+        return risen(points.mount, angles[0], angles[1], bending)[..., np.newaxis]
     return np.stack([np.zeros_like(bending), bending])[..., np.newaxis]
 
 
@@ -165,12 +170,8 @@ def common_clock(
     Either both axes lag by the same time, or one tau takes the acceleration lags of both away.
     What was found is exact when `taken_s` of it is taken off the time tags of the fit already.
     """
-    names = (
-        "azimuth_velocity_lag",
-        "elevation_velocity_lag",
-        "azimuth_acceleration_lag",
-        "elevation_acceleration_lag",
-    )
+    by_number = {term.number: term.name for term in fit.model.terms if term.number}
+    names = [by_number[number] for number in (6, 13, 7, 14)]
     if any(name not in fit.names for name in names[:2]):
         return None
     places = [fit.names.index(name) for name in names if name in fit.names]
@@ -315,6 +316,8 @@ def clock_by_ranges(passes: Sequence[TrackedPass]) -> SystematicError | None:
 
 def wrong_north(points: Observations, convergence_rad: float) -> SystematicError | None:
     """Return the turn of all azimuths that no mount has; `convergence_rad` is that of the grid."""
+    if not points.mount.level:
+        return None
     size, sigma = _turn(points)
     if abs(size) < _LARGEST_NORTH_RAD or sigma > _TURNED_SPREAD_RAD:
         return None

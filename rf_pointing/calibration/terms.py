@@ -8,16 +8,22 @@ A term adds its coefficient times its partial derivatives to the azimuth and to 
 
 The terms that tilt or skew an axis (x2, x3, x8, x9) are rotations, of which this is the first
 order.
+
+Any other mount has the same chain between its axes (`mount`), and so the same terms under the names
+of its axes, with one exception: what bends under gravity does so along the vertical, which is not
+the pole of such a mount.  Its x11, `flexure`, acts on both axes (`mount.lift`), and the cosine
+of the upper encoder, which droop includes, is a term to add.
 """
 
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.calibration.angles import Angles
+from rf_pointing.core.mount_types import AZIMUTH_ELEVATION, MOUNTS
 
 Partial = Callable[[Angles], NDArray[np.float64]]
 # No mount is off by 6 deg and no drive lags by 10 s: what is larger was given in another unit.
@@ -32,13 +38,14 @@ class Term:
 
     `number` is the index of SATCAL's x, 0 for an extension.  A "rotation" tilts or skews an axis, a
     "lag" is proportional to a rate or an acceleration, an "additive" term is an encoder or flexure
-    shift of one axis.  `separated_by` names the data that make the term observable.
+    shift of one axis, "flexure" bends the beam itself.  `separated_by` names the data that make the
+    term observable.
     """
 
     name: str
     number: int
     unit: str
-    kind: Literal["rotation", "lag", "additive"]
+    kind: Literal["rotation", "lag", "additive", "flexure"]
     separated_by: str
     azimuth: Partial | None = None
     elevation: Partial | None = None
@@ -101,18 +108,86 @@ EXTENSION_TERMS: tuple[Term, ...] = (
 )  # fmt: skip
 """Terms that may be added to the 14: harmonics, flexure beyond the zenith, temperature."""
 
-ALL_TERMS = {term.name: term for term in TERMS + EXTENSION_TERMS}
+FLEXURE = Term(
+    "flexure", 11, "rad", "flexure", _LOW_AND_HIGH, lambda a: a.lift[0], lambda a: a.lift[1],
+)  # fmt: skip
+_DROOP, _LEANS = 11, ("mislevel_east", "mislevel_north")
 
 
-def terms_by_name(names: Iterable[str]) -> tuple[Term, ...]:
-    """Return the terms of `names` in order; raises ValueError for an unknown or repeated one."""
+def _of_axes(term: Term, kind: str) -> Term:
+    """Return a term of azimuth and elevation as that of a mount of another kind."""
+    (lower, upper), leans = MOUNTS[kind].axes, dict(zip(_LEANS, MOUNTS[kind].leans, strict=True))
+    name = leans.get(term.name, term.name.replace("azimuth", lower).replace("elevation", upper))
+    return FLEXURE if term.number == _DROOP else replace(term, name=name)
+
+
+_UPPER_COSINE = Term(
+    "elevation_encoder_cosine",
+    0,
+    "rad",
+    "additive",
+    _LOW_AND_HIGH,
+    elevation=lambda a: a.cos_elevation(1),
+)
+MOUNT_TERMS: Mapping[str, tuple[Term, ...]] = {
+    kind: TERMS if kind == AZIMUTH_ELEVATION else tuple(_of_axes(term, kind) for term in TERMS)
+    for kind in MOUNTS
+}
+"""The 14 terms of every mount; the number of a term says what it does."""
+FURTHER_TERMS: Mapping[str, tuple[Term, ...]] = {
+    kind: EXTENSION_TERMS
+    if kind == AZIMUTH_ELEVATION
+    else tuple(_of_axes(term, kind) for term in (*EXTENSION_TERMS, _UPPER_COSINE))
+    for kind in MOUNTS
+}
+ALL_TERMS = {
+    term.name: term
+    for kind in reversed(tuple(MOUNTS))
+    for term in (*MOUNT_TERMS[kind], *FURTHER_TERMS[kind])
+}
+
+
+def names_of(kind: str) -> tuple[str, ...]:
+    """Return the names of the 14 terms of a kind of mount."""
+    return tuple(term.name for term in MOUNT_TERMS[kind])
+
+
+def mount_of(names: Iterable[str]) -> str:
+    """Return the first kind of mount that has all these terms; ValueError where none has."""
+    wanted = set(names)
+    for kind in MOUNTS:
+        if wanted <= {term.name for term in (*MOUNT_TERMS[kind], *FURTHER_TERMS[kind])}:
+            return kind
+    terms_by_name(names)
+    raise ValueError(f"terms {', '.join(names)} are of different mounts")
+
+
+def numbered(coefficients: Mapping[str, float], *numbers: int) -> list[float]:
+    """Return the values of the terms of these numbers, whatever the mount."""
+    known = {ALL_TERMS[name].number: value for name, value in coefficients.items()}
+    return [known[number] for number in numbers]
+
+
+def terms_by_name(names: Iterable[str], kind: str = "") -> tuple[Term, ...]:
+    """Return the terms of `names` in order; raises ValueError for an unknown or repeated one.
+
+    With a `kind` of mount those of other ones are unknown.
+    """
     chosen = list(names)
-    unknown = [name for name in chosen if name not in ALL_TERMS]
+    own = (
+        {term.name: term for term in (*MOUNT_TERMS[kind], *FURTHER_TERMS[kind])}
+        if kind
+        else ALL_TERMS
+    )
+    unknown = [name for name in chosen if name not in own]
     if unknown:
+        # Whoever names a term wrong wants those of the own mount, not all that there are.
+        of = f" of a mount of type {kind}" if kind else ""
+        listed = own if kind else {term.name: term for term in (*TERMS, *EXTENSION_TERMS)}
         raise ValueError(
-            f"the bias model has no term {', '.join(unknown)}; it has {', '.join(ALL_TERMS)}"
+            f"the bias model{of} has no term {', '.join(unknown)}; it has {', '.join(listed)}"
         )
     if len(set(chosen)) < len(chosen):
         repeated = sorted({name for name in chosen if chosen.count(name) > 1})
         raise ValueError(f"term {', '.join(repeated)} is given more than once")
-    return tuple(ALL_TERMS[name] for name in chosen)
+    return tuple(own[name] for name in chosen)

@@ -9,14 +9,15 @@ import errno
 import math
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import fields
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from rf_pointing.calibration.observations import Observations
+from rf_pointing.calibration.observations import COLUMNS, Observations
 from rf_pointing.calibration.raw_tracking import RawTracking
 from rf_pointing.core import from_degrees, to_degrees
+from rf_pointing.core.kinematics import LEVEL, Kinematics
 from rf_pointing.core.types import Array
 from rf_pointing.core.whole_file import JOURNAL_BYTES, read_bytes, read_whole, write_whole
 
@@ -29,9 +30,9 @@ _OPTIONAL = ("range_m", "range_rate_m_s", "good")
 _POINT_OPTIONAL = ("range_m", "range_rate_m_s", "temperature_k")
 
 
-def read_tracking(path: str | Path) -> RawTracking:
+def read_tracking(path: str | Path, mount: Kinematics = LEVEL) -> RawTracking:
     """Read the samples of one pass (`t_s` UTC seconds); without a column `good` all are good."""
-    notes, column = _read_table(path, _NOTES, _NEEDED, _OPTIONAL)
+    notes, column = _read_table(path, _NOTES, _NEEDED, _OPTIONAL, mount)
     good = column.get("good", np.ones(len(column["t_s"])))
     if not np.all(np.isin(good, (0.0, 1.0))):
         raise ValueError(f"{path}: column good must hold 0 or 1")
@@ -49,13 +50,13 @@ def read_tracking(path: str | Path) -> RawTracking:
     )
 
 
-def read_observations(path: str | Path) -> Observations:
+def read_observations(path: str | Path, mount: Kinematics = LEVEL) -> Observations:
     """Read calibration points; raises ValueError naming the file, and the line of a damaged one."""
-    needed = [to_degrees(name, 0.0)[0] for name in _point_columns() if name not in _POINT_OPTIONAL]
-    notes, table = _read_table(path, _NOTES[:2], needed, _POINT_OPTIONAL)
+    needed = [to_degrees(name, 0.0)[0] for name in COLUMNS if name not in _POINT_OPTIONAL]
+    notes, table = _read_table(path, _NOTES[:2], needed, _POINT_OPTIONAL, mount)
     for kind in ("observed_", "true_"):
         _refuse_radians(path, table, kind)
-    columns = {}
+    columns: dict[str, Any] = {}
     for name, value in table.items():
         # `from_degrees` knows which names end in degrees; the values are converted as an array.
         core, _ = from_degrees(name, 0.0)
@@ -65,7 +66,7 @@ def read_observations(path: str | Path) -> Observations:
     pass_id = columns.pop("pass_id").astype(np.int64)
     try:
         return Observations(
-            station=notes["station"], band=notes["band"], pass_id=pass_id, **columns
+            station=notes["station"], band=notes["band"], pass_id=pass_id, mount=mount, **columns
         )
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
@@ -84,8 +85,10 @@ class ObservationJournal:
     ValueError with the line's number, and nothing is overwritten.  `read_observations` reads it.
     """
 
-    def __init__(self, path: str | Path, station: str, band: str) -> None:
-        self.path, self.station, self.band = Path(path), station, band
+    def __init__(
+        self, path: str | Path, station: str, band: str, mount: Kinematics = LEVEL
+    ) -> None:
+        self.path, self.station, self.band, self.mount = Path(path), station, band, mount
         self.points = self._recovered()
 
     def append(self, points: Observations) -> None:
@@ -151,7 +154,7 @@ class ObservationJournal:
         if len([line for line in whole.splitlines() if not line.startswith(b"#")]) < 2:
             self.path.unlink()
             return None
-        points = read_observations(self.path)
+        points = read_observations(self.path, self.mount)
         self._check_owner(points)
         return points
 
@@ -173,26 +176,32 @@ def _refuse_radians(path: str | Path, columns: Mapping[str, Array], kind: str) -
         )
 
 
-def _point_columns() -> tuple[str, ...]:
-    return tuple(item.name for item in fields(Observations) if item.name not in ("station", "band"))
+def _named(column: str, mount: Kinematics) -> str:
+    """Return the name of a column in a file of a mount, after its axes."""
+    return column.replace("azimuth", mount.axes[0]).replace("elevation", mount.axes[1])
 
 
 def _head_and_lines(points: Observations) -> tuple[str, str]:
     """Return the text of the file, angles in degrees, as head and rows."""
     columns = {}
-    for name in _point_columns():
+    for name in COLUMNS:
         value = getattr(points, name)
         if value is not None:
             # `to_degrees` knows which names are angles; the values are converted as an array.
             edge, _ = to_degrees(name, 0.0)
             columns[edge] = np.degrees(value) if edge != name else value.astype(np.float64)
-    head = f"# station: {points.station}\n# band: {points.band}\n{','.join(columns)}\n"
+    names = ",".join(_named(name, points.mount) for name in columns)
+    head = f"# station: {points.station}\n# band: {points.band}\n{names}\n"
     rows = zip(*(values.tolist() for values in columns.values()), strict=True)
     return head, "".join(",".join(map(repr, row)) + "\n" for row in rows)
 
 
 def _read_table(
-    path: str | Path, notes: Sequence[str], needed: Sequence[str], optional: Sequence[str]
+    path: str | Path,
+    notes: Sequence[str],
+    needed: Sequence[str],
+    optional: Sequence[str],
+    mount: Kinematics,
 ) -> CsvTable:
     """Return notes and columns (n,) of a table that has all `notes` and all `needed` columns."""
     # A column that is neither is an error, or one with a typing error would go unnoticed.
@@ -206,7 +215,8 @@ def _read_table(
             if start < len(lines)
             else []
         )
-        _check_header(start + 1, header, needed, optional)
+        needed_of = {_named(name, mount): name for name in needed}
+        _check_header(start + 1, header, list(needed_of), optional)
         rows = [
             _numbers(number, header, cells)
             for number, cells in enumerate(csv.reader(lines[start + 1 :]), start=start + 2)
@@ -216,6 +226,7 @@ def _read_table(
             raise ValueError(f"line {len(lines)}: no rows after the header")
     except (ValueError, csv.Error) as error:
         raise ValueError(f"{source}: {error}") from None
+    header = [needed_of.get(name, name) for name in header]
     return found, dict(zip(header, np.array(rows).T, strict=True))
 
 

@@ -17,6 +17,7 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from rf_pointing.commands.options import between, ending_with_reason
+from rf_pointing.core import AXES
 from rf_pointing.core.checks import Line
 from rf_pointing.core.parameters import read_parameter_files, with_leaves
 from rf_pointing.core.types import Pair
@@ -54,7 +55,9 @@ def made(params: DriveParams, namespace: str, ends: ExitStack) -> Drive:
 def run(drive: Drive, params: DriveParams, options: argparse.Namespace, travel_rad: tuple[Pair, Pair] | None) -> None:
     """Check the drive, print every line, and exit with the code of the whole."""
     try:
-        lines = check(ConformanceCheck(drive, params, tick, math.radians(options.degrees), travel_rad), options.move)
+        axes = read_station(options.station).content.mount.kind.axes if options.station else AXES
+        subject = ConformanceCheck(drive, params, tick, math.radians(options.degrees), travel_rad, axes)
+        lines = check(subject, options.move)
     except KeyboardInterrupt:
         sys.exit(2)
     finally:
@@ -83,7 +86,6 @@ def read_drive(files: list[Path], station: str = "") -> DriveParams:
     require_known("antenna_servo", written)
     if station:
         described = read_station(station)
-        described.require_mount("check_drive")
         drive: DriveParams = described.sets("antenna_servo", changes=written)["drive"]
         return drive
     try:

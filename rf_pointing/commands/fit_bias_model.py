@@ -94,6 +94,7 @@ def request_with(**given: Any) -> FitCommand:
         known.check_for(station.name, station.band, known.valid_from_t_s)
     say_of_elements(options.target)
     elements = read_source(location).elements if location else []
+    station.description.require_mount("fit_bias_model")
     refraction = air_of(options.weather, removed=options.refraction_removed)
     ionosphere = None
     if options.ionosphere:
@@ -109,7 +110,7 @@ def request_with(**given: Any) -> FitCommand:
         station=station.name, band=station.band, site=station.site, terms=tuple(options.terms), select=options.select,
         held_out=options.held_out, form=options.form, robust=options.robust, orbit_prior_m=options.orbit_prior,
         time_error_s=options.time_error, refraction=refraction, sectors=options.sectors,
-        require_full=options.require_full, known=known, elements=elements,
+        require_full=options.require_full, known=known, elements=elements, mount=station.controller.kinematics,
     )  # fmt: skip
     return FitCommand(
         station=station, files=files, fit=request, name=options.name, output=options.output, report=options.report,

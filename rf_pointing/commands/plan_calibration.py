@@ -19,6 +19,7 @@ from rf_pointing import calibration
 from rf_pointing.api.station import Station
 from rf_pointing.api.target import Target
 from rf_pointing.calibration import CandidatePass, PassPriors, SectorRule, Slew
+from rf_pointing.calibration.terms import names_of
 from rf_pointing.commands.options import add_options, ending_with_reason, requested, say, say_of_elements
 from rf_pointing.core import MDEG, require_between
 from rf_pointing.core.dates import utc_text
@@ -66,7 +67,8 @@ class CampaignRequest:
         fresh = [one for one in elements if abs(start_s + 0.5 * span_s - one.epoch_t_s) < MAX_AGE_S - 0.5 * span_s]
         if not fresh:
             raise ValueError(f"none of {len(elements)} elements is within 14 days of start={utc_text(start_s)}")
-        found, refused = candidate_arcs(fresh, self.station.site, start_s, span_s, self.rules)
+        mount = self.station.controller.kinematics
+        found, refused = candidate_arcs(fresh, self.station.site, start_s, span_s, self.rules, mount)
         for reason in refused:
             say(PROGRAM, f"left out: {reason}")
         if not found:
@@ -79,7 +81,7 @@ def campaign(request: CampaignRequest, candidates: list[CandidatePass]) -> int:
     rule = SectorRule(fewest=request.fewest, most=max(30, request.fewest))
     plan = calibration.plan_campaign(candidates, rule, request.slew)
     for one in plan.passes:
-        peak = math.degrees(float(np.max(one.track.elevation_rad)))
+        peak = math.degrees(float(np.max(one.track.sky_rad()[1])))
         print(f"{utc_text(one.start_t_s)}  {one.end_t_s - one.start_t_s:6.0f} s  peak {peak:4.1f} deg  {one.name}")
     filled = rule.count - len(plan.coverage.thin)
     print(f"{len(plan.passes)} of {len(candidates)} candidates fill {filled} of {rule.count} sectors")
@@ -97,10 +99,12 @@ def advice(request: CampaignRequest, candidates: list[CandidatePass]) -> int:
     if request.model:
         file = calibration.read_model(request.model)
         file.check_for(request.station.name, file.band, file.valid_from_t_s)
+        file.model.on(request.station.controller.kinematics)
         terms, covariance = file.fitted, file.covariance
     else:
         # A station that was never calibrated knows no term, not even those to be improved.
-        terms = tuple(dict.fromkeys((*calibration.TERM_NAMES, *request.improve)))
+        own = names_of(request.station.controller.kinematics.type)
+        terms = tuple(dict.fromkeys((*own, *request.improve)))
         covariance = calibration.uninformed_covariance(terms)
     before = dict(zip(terms, np.sqrt(np.diag(covariance)), strict=True))
     found = calibration.next_best_passes(

@@ -32,6 +32,8 @@ Triple = tuple[Array, Array, Array]
 EAST, NORTH, UP = range(3)
 # Closer to a pole of the Earth an hour angle has no zero.
 POLAR_RAD = math.radians(89.9)
+# Difference of two verticals that are the same: 0.06 deg of latitude.
+LIKE_UP = 1e-3
 
 
 class Turn(NamedTuple):
@@ -105,6 +107,17 @@ class Kinematics(Params):
         """Names of the lower and the upper axis."""
         return MOUNTS[self.type].axes
 
+    @property
+    def words(self) -> str:
+        """Kind of the mount and, where it matters, the direction of its lower axis."""
+        lies = f" with its lower axis {self.lower_axis}" if MOUNTS[self.type].reversed_by else ""
+        return f"of type {self.type}{lies}"
+
+    def same_axes(self, other: "Kinematics") -> bool:
+        """Return whether the axes lie alike; the azimuth to which a tilt leans does not count."""
+        alike = np.allclose(self.matrix[UP], other.matrix[UP], rtol=0.0, atol=LIKE_UP)
+        return self.words == other.words and bool(alike)
+
     @cached_property
     def matrix(self) -> Array:
         """The fixed rotations B (3, 3): its columns are the mount's right, ahead and pole."""
@@ -149,6 +162,13 @@ class Kinematics(Params):
         """Return azimuth and elevation of the poles at or above the horizon: 1 or 2."""
         ends = [self.sky_at(0.0, side * 0.5 * math.pi) for side in (1.0, -1.0)]
         return [end for end in ends if end[1] > -1e-9]
+
+    def directions(self, first_rad: Array, second_rad: Array) -> tuple[Array, Array]:
+        """Return azimuth and elevation (n,) of axis angles (n,); level axes as they are."""
+        if self.level:
+            return first_rad, second_rad
+        azimuth, elevation = self.skies(np.stack([first_rad, second_rad], axis=-1)).T
+        return azimuth, elevation
 
     def leaning_from(self, azimuth_rad: float) -> tuple[Self, ...]:
         """Return the mounts to choose from for a pass that culminates at an azimuth.

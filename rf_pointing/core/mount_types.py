@@ -13,7 +13,8 @@ class MountType(NamedTuple):
     """Names of the lower and upper axis, the keys that the mount needs, and `further` ones.
 
     A `polar` one needs its latitude; its lower axis turns the other way than azimuth does where it
-    is `reversed_by` its direction.
+    is `reversed_by` its direction.  `leans` are the terms by which the lower axis is off, about the
+    mount's right and about its ahead (`calibration/terms.py`).
     """
 
     axes: tuple[str, str]
@@ -21,13 +22,18 @@ class MountType(NamedTuple):
     further: tuple[str, ...] = ()
     polar: bool = False
     reversed_by: str = ""
+    leans: tuple[str, str] = ("mislevel_east", "mislevel_north")
 
 
 MOUNTS: Mapping[str, MountType] = {
     AZIMUTH_ELEVATION: MountType(AXES),
-    "x_y": MountType(("x", "y"), ("lower_axis",), reversed_by=LOWER_AXES[1]),
+    "x_y": MountType(
+        ("x", "y"), ("lower_axis",), reversed_by=LOWER_AXES[1], leans=("axis_level", "axis_heading")
+    ),
     # Hour angle positive to the west, declination to the north.
-    "ha_dec": MountType(("hour_angle", "declination"), polar=True),
+    "ha_dec": MountType(
+        ("hour_angle", "declination"), polar=True, leans=("polar_altitude", "polar_azimuth")
+    ),
     "azimuth_elevation_tilt": MountType(AXES, ("tilt_deg",), ("train_deg", "train_rate_deg_s")),
 }
 """Every mount by the word of a station description."""

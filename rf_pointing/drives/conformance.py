@@ -35,9 +35,10 @@ class ConformanceCheck:
 
     def __init__(
         self, drive: Drive, params: DriveParams, tick: Clock, way_rad: float = math.radians(10.0),
-        flown_rad: tuple[Pair, Pair] | None = None,
+        flown_rad: tuple[Pair, Pair] | None = None, axes: tuple[str, str] = AXES,
     ) -> None:  # fmt: skip
         self._drive, self._params, self._tick, self._way_rad = drive, params, tick, way_rad
+        self._axes = axes
         self._flown_rad = flown_rad or (
             params.rotator.travel_min_rad,
             params.rotator.travel_max_rad,
@@ -73,7 +74,7 @@ class ConformanceCheck:
         positions = self._drive.capabilities.set_points == POSITION
         start = self._rotator.position_rad
         lines: list[Line] = []
-        for axis, name in enumerate(AXES):
+        for axis, name in enumerate(self._axes):
             if axis == 0 or self._drive.capabilities.has_elevation:
                 lines += (
                     self._position_axis(axis, name, start)

@@ -22,7 +22,6 @@ from rf_pointing_msgs.srv import SelectTarget
 from sensor_msgs.msg import JointState, Temperature
 from std_srvs.srv import Trigger
 
-from rf_pointing.core.mount_types import AZIMUTH_ELEVATION
 from rf_pointing.ros import convert
 from rf_pointing.ros.convert_calibration import fit_to_result, model_to_message, no_model_to_message
 from rf_pointing.ros.graph import TEMPERATURE
@@ -34,6 +33,7 @@ from rf_pointing.ros.repeated_call import RepeatedCall
 from rf_pointing.ros.stamps import seconds_from_stamp, stamp_from_seconds
 from rf_pointing.ros.station_node import StationNode
 from rf_pointing.station.campaign.calibrator import Calibrator, Campaign
+from rf_pointing.station.derive.axes import kinematics_of
 
 
 class BiasCalibrator(StationNode):
@@ -55,7 +55,9 @@ class BiasCalibrator(StationNode):
         )  # fmt: skip
 
     def configure(self) -> None:
-        self.calibrator = own = Calibrator(self.parameters.value("calibrator"), self.parameters.value("shadow"))
+        self.calibrator = own = Calibrator(
+            self.parameters.value("calibrator"), self.parameters.value("shadow"), kinematics_of(self.station.content)
+        )
         self._models = self.stream(PointingModel, "pointing_model", LATCHED)
         target, joints = convert.target_from_message, convert.joints_from_message
         self.listen(Target, "target", lambda m: own.log.take_target(target(m)), STREAM, required=True)
@@ -100,8 +102,7 @@ class BiasCalibrator(StationNode):
         return text
 
     def _on_error(self, message: PointingError) -> None:
-        # The terms of a model are those of azimuth and elevation.
-        if self.active and self.station.content.mount.type == AZIMUTH_ELEVATION:
+        if self.active:
             error = convert.error_from_message(message)
             # Not the newest encoders: at 1 deg/s a period is 100 mdeg.
             self.calibrator.take_error(error, self._joints.take(error.t_s))
@@ -112,7 +113,6 @@ class BiasCalibrator(StationNode):
         self.calibrator.log.take_temperature(seconds_from_stamp(message.header.stamp), kelvin)
 
     def _begin(self, request: RunCampaign.Goal) -> None:
-        self.station.require_mount("a campaign")
         if not self._select.service_is_ready() or not self._track.server_is_ready():
             raise ValueError("ephemeris_publisher and pointing_controller must be running in this namespace")
         log = self.calibrator.log
@@ -134,7 +134,6 @@ class BiasCalibrator(StationNode):
         goal.publish_feedback(FitModel.Feedback(stage="fit"))
         terms, name, orbit = goal.request.terms, goal.request.name, self.parameters.value("orbit")
         try:
-            self.station.require_mount("a fit of the bias model")
             result = fit_to_result(*self.calibrator.fit(terms, name, orbit, self.now_s()))
         except ValueError as error:
             result = FitModel.Result(message=str(error))

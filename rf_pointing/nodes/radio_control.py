@@ -31,6 +31,7 @@ from rf_pointing.ros.graph import INHIBIT, RADIO
 from rf_pointing.ros.main_loop import run
 from rf_pointing.ros.qos import STATUS, STREAM
 from rf_pointing.ros.station_node import StationNode
+from rf_pointing.station.derive.axes import kinematics_of
 from rf_pointing.station.radio.control import PERIOD_S, RadioControl
 from rf_pointing.station.radio.inhibit import TransmitRules
 
@@ -56,7 +57,8 @@ class RadioControlNode(StationNode):
             raise ValueError(f"{self.station.path} has no section radio (docs/own_radio.md)")
         sky = ForbiddenSky(value("mask"), value("gate").sun_radius_rad)
         view = RadioView(f"rf_pointing {self.station.name}")
-        self._radio = RadioControl(radio, TransmitRules(value("inhibit"), radio, sky), view, self.get_logger().info)
+        rules = TransmitRules(value("inhibit"), radio, sky, kinematics_of(self.station.content))
+        self._radio = RadioControl(radio, rules, view, self.get_logger().info)
         self._at_cleanup.callback(self._radio.close)
         self._sun = SolarDirection(value("sun"))
         self._inhibits = self.publisher(String, INHIBIT.name, INHIBIT.qos)

@@ -127,7 +127,7 @@ class RotctldServerNode(StationNode):
         self._steering.note_tracking(message.target, message.commands_sent)
 
     def _on_model(self, message: ours.PointingModel) -> None:
-        self._follower.model = convert_calibration.model_from_message(message)
+        self._follower.model = convert_calibration.model_from_message(message).on(self._follower.mount)
 
     def _responded(self, number: int, accepted: bool, text: str) -> None:
         self._steering.answered(number, Answer(0 if accepted else IO_ERROR, text))

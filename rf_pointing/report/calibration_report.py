@@ -8,8 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.calibration import (
-    EXTENSION_TERMS,
-    TERMS,
     FitResult,
     Observations,
     SectorRule,
@@ -17,6 +15,7 @@ from rf_pointing.calibration import (
     warnings_of,
 )
 from rf_pointing.calibration.coverage import on_the_sky
+from rf_pointing.calibration.terms import ALL_TERMS
 from rf_pointing.core import MDEG
 from rf_pointing.core.dates import to_utc_text
 from rf_pointing.core.types import Array
@@ -50,7 +49,7 @@ def write_calibration_report(
     place = Path(folder)
     place.mkdir(parents=True, exist_ok=True)
     rule = SectorRule()
-    coverage = rule.coverage(points.true_azimuth_rad, points.true_elevation_rad)
+    coverage = rule.coverage(*points.sky_rad())
     warnings = [*notes, *warnings_of(fit, points), *fit.separation_advice()]
     if coverage.thin:
         thin = ", ".join(f"{rule.name(k)} ({coverage.counts[k]})" for k in coverage.thin[:6])
@@ -94,7 +93,7 @@ def write_campaign_report(folder: Path | str, points: Observations | None, why: 
     place.mkdir(parents=True, exist_ok=True)
     filled, passes, times = 0, 0, (0.0, 0.0)
     if points is not None:
-        filled = rule.count - len(rule.coverage(points.true_azimuth_rad, points.true_elevation_rad).thin)
+        filled = rule.count - len(rule.coverage(*points.sky_rad()).thin)
         passes, times = len(points.passes), (float(np.min(points.t_s)), float(np.max(points.t_s)))
         draw_coverage(points, np.ones(len(points), dtype=bool), rule, place / "coverage.png")
     page = render(
@@ -114,10 +113,9 @@ def write_campaign_report(folder: Path | str, points: Observations | None, why: 
 
 
 def _coefficients(fit: FitResult) -> list[Sequence[Cell]]:
-    known = {term.name: term for term in (*TERMS, *EXTENSION_TERMS)}
     rows: list[Sequence[Cell]] = []
     for name, value in fit.coefficients.items():
-        unit, scale = _UNITS[known[name].unit]
+        unit, scale = _UNITS[ALL_TERMS[name].unit]
         sigma = fit.sigma_of(name) if name in fit.names else None
         shown = "fixed" if sigma is None else f"{sigma * scale:.2f}"
         ratio = f"{abs(value) / sigma:.1f}" if sigma else None
@@ -138,7 +136,7 @@ def _pass_errors(fit: FitResult) -> list[Sequence[str]]:
 
 def draw_coverage(points: Observations, used: NDArray[np.bool_], rule: SectorRule, path: Path) -> None:
     """Sky with zenith in the middle: sectors with their counts, thin ones tinted, and points."""
-    coverage = rule.coverage(points.true_azimuth_rad, points.true_elevation_rad)
+    coverage = rule.coverage(*points.sky_rad())
     with figure(path, 7.0, 7.0) as drawn:
         axes = drawn.add_subplot(projection="polar")
         axes.set(theta_zero_location="N", theta_direction=-1, ylim=(0.0, 90.0), yticks=(10, 30, 60, 80))
@@ -154,7 +152,7 @@ def draw_coverage(points: Observations, used: NDArray[np.bool_], rule: SectorRul
                       bbox={"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.8})  # fmt: skip
         for rows, colour, label in ((used, AXIS_COLOURS[0], "used"), (~used, AXIS_COLOURS[1], "edited out")):
             if np.any(rows):
-                azimuth, elevation = on_the_sky(points.true_azimuth_rad[rows], points.true_elevation_rad[rows])
+                azimuth, elevation = on_the_sky(*points.select(rows).sky_rad())
                 zenith = 90.0 - np.degrees(elevation)
                 # Above the bars: points under them would look like missing data.
                 axes.plot(azimuth, zenith, ".", ms=2.0, color=colour, label=label, zorder=3.0)
@@ -165,8 +163,8 @@ def draw_residuals(points: Observations, fit: FitResult, path: Path) -> None:
     """Residuals before the fit above, after it below, over azimuth, elevation and time."""
     hours = (points.t_s - points.t_s.min()) / 3600.0
     over = (
-        (np.degrees(np.mod(points.true_azimuth_rad, 2.0 * np.pi)), "azimuth, deg"),
-        (np.degrees(points.true_elevation_rad), "elevation, deg"),
+        (np.degrees(np.mod(points.true_azimuth_rad, 2.0 * np.pi)), f"{points.mount.axes[0]}, deg"),
+        (np.degrees(points.true_elevation_rad), f"{points.mount.axes[1]}, deg"),
         (hours if hours.max() > 2.0 else 60.0 * hours, f"time, {'h' if hours.max() > 2.0 else 'min'}"),
     )
     with figure(path, 11.0, 6.0) as drawn:

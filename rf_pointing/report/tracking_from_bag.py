@@ -8,6 +8,7 @@ its damage, unless `allow_damage` takes its sound part.
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -97,7 +98,9 @@ def _stretches(targets: TopicData) -> list[tuple[str, ReferenceTrack]]:
         times, first = np.unique(t_s[rows], return_index=True)
         chosen = rows[first]
         if len(times) >= 2:
-            columns = {core: targets[name][chosen].astype(np.float64) for core, name in _REFERENCE_COLUMNS.items()}
+            columns: dict[str, Any] = {
+                core: targets[name][chosen].astype(np.float64) for core, name in _REFERENCE_COLUMNS.items()
+            }
             # A target that crosses north jumps by a turn, which no interpolation may follow.
             columns["azimuth_rad"] = np.unwrap(columns["azimuth_rad"])
             found.append((str(names[chosen[0]]), ReferenceTrack(t_s=times, **columns)))

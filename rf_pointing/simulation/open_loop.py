@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from rf_pointing.calibration import ReferenceTrack
+from rf_pointing.calibration.reference import COLUMNS
 from rf_pointing.core import (
     JointReading,
     JointTrajectory,
@@ -88,11 +89,7 @@ class RecordedTrack(TopocentricTrack):
         known = [rows[t_s] for t_s in sorted(rows)]
         columns: dict[str, Any] = {
             name: np.array([getattr(each, name) for each in known])
-            for name in (
-                *ReferenceTrack.__dataclass_fields__,
-                "refraction_rad",
-                "satellite_gain_db",
-            )
+            for name in (*COLUMNS, "refraction_rad", "satellite_gain_db")
         }
         # A target that crosses north jumps by a turn, which no polynomial may follow.
         columns["azimuth_rad"] = np.unwrap(columns["azimuth_rad"])
@@ -116,8 +113,7 @@ class RecordedTrack(TopocentricTrack):
         at = self._reference.at(among)
         refraction, gain = (np.interp(times, known, column) for column in self._further)
         right, up = (np.interp(times, self._shift[0], column) for column in self._shift[1].T)
-        fields = ReferenceTrack.__dataclass_fields__
-        look = {name: getattr(at, name)[rows[2:]] for name in fields}
+        look = {name: getattr(at, name)[rows[2:]] for name in COLUMNS}
         look["t_s"] = times
         # Rates stay those of the prediction: what tracking adds changes slowly.
         look["azimuth_rad"] = look["azimuth_rad"] + right / np.cos(look["elevation_rad"])

@@ -128,9 +128,9 @@ class StationSetup:
             require_known(node, values)
             self.changes[node] |= values
         chosen = self.station.bias_model_file(self.band) if model is None else model
-        self.model = (
-            chosen if isinstance(chosen, BiasModel) else read_model(chosen).model if chosen else BiasModel.zero()
-        )
+        if not isinstance(chosen, BiasModel):
+            chosen = read_model(chosen).model if chosen else BiasModel.zero()
+        self.model = chosen.on(self.sets("pointing_controller")["kinematics"])
 
     def sets(self, node: str) -> dict[str, Any]:
         """Return the parameter sets of one node by their prefix: description, files and changes."""

@@ -99,8 +99,11 @@ def test_the_way_between_two_directions_does_not_lead_through_the_ends_of_the_tr
     assert Slew(rate_rad_s=1.0, settle_s=0.0).time_s(a, b) == pytest.approx(np.radians(20.0))
     limited = Slew(rate_rad_s=1.0, settle_s=0.0, travel_rad=(np.radians(-220.0), np.radians(220.0)))
     assert limited.time_s(a, b) == pytest.approx(np.radians(340.0))
-    with pytest.raises(ValueError, match="at least a turn apart"):
-        Slew(travel_rad=(-1.0, 1.0))
+    # An axis of less than a turn has one way between any two of its angles.
+    short = Slew(rate_rad_s=1.0, settle_s=0.0, travel_rad=(np.radians(-87.0), np.radians(87.0)))
+    assert short.time_s(*np.radians([[80.0, 40.0], [-80.0, 40.0]])) == pytest.approx(np.radians(160.0))
+    with pytest.raises(ValueError, match="the lower one first"):
+        Slew(travel_rad=(1.0, -1.0))
 
 
 ORBIT = PassPriors(along_track_m=180.0, cross_track_m=70.0, radial_m=50.0)

@@ -1,5 +1,5 @@
 import math
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -87,8 +87,7 @@ def test_a_track_seen_from_elsewhere_is_that_of_a_site_there():
     one = find_passes(track, elements.epoch_t_s, 86400.0, math.radians(20.0))[0]
     times = np.arange(one.aos_t_s, one.los_t_s)
     at, other = (
-        ReferenceTrack(**{item.name: getattr(seen.sample(times), item.name) for item in fields(ReferenceTrack)})
-        for seen in (track, TopocentricTrack(elements, there, refraction=None))
+        ReferenceTrack.of(seen.sample(times)) for seen in (track, TopocentricTrack(elements, there, refraction=None))
     )
     seen = seen_from(at, away_m).at(times)
     # The vertical turns by 0.1 mdeg for 11 m; the rest is that of an ellipsoid.

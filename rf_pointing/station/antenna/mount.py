@@ -9,6 +9,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from rf_pointing.calibration import TERMS, BiasModel
+from rf_pointing.calibration.terms import MOUNT_TERMS
 from rf_pointing.core import Boresight, Params, parameter
 from rf_pointing.core.kinematics import LEVEL, Kinematics
 from rf_pointing.core.types import Array
@@ -48,11 +49,12 @@ class MountParams(Params):
     elevation_velocity_lag_s: float = _coefficient("x13, elevation velocity lag", LIMIT_S)
     elevation_acceleration_lag_s2: float = _coefficient("x14, elevation acceleration lag in s^2", LIMIT_S)
 
-    def model(self) -> BiasModel:
-        """Return the bias model of these coefficients."""
+    def model(self, mount: Kinematics | None = None) -> BiasModel:
+        """Return the bias model of these coefficients; on another mount those of its own terms."""
         # The names end in their units, the terms of the model do not.
         by_stem = {name.rsplit("_", 1)[0]: value for name, value in asdict(self).items()}
-        return BiasModel({term.name: by_stem[term.name] for term in TERMS})
+        own = {term.number: by_stem[term.name] for term in TERMS}
+        return BiasModel({term.name: own[term.number] for term in MOUNT_TERMS[(mount or LEVEL).type]}, mount)
 
 
 class RateAverage:
@@ -140,7 +142,7 @@ class SimulatedBeam:
         self._mount = mount
         self._tick_s = tick_s
         self._mean, self._looked_s = RateAverage(lag_averaging_s), math.inf
-        self._mount_error = MountError(params.model())
+        self._mount_error = MountError(params.model(mount))
 
     def boresight(self, t_s: float, axes_rad: Array, rate_rad_s: Array) -> Boresight:
         """Return the direction on the sky of axes (2,) that move at these rates (2,)."""

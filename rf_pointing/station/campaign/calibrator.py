@@ -23,6 +23,7 @@ from rf_pointing.calibration import (
     SectorRule,
 )
 from rf_pointing.core import MDEG, JointReading, Params, PointingError, parameter
+from rf_pointing.core.kinematics import LEVEL, Kinematics
 from rf_pointing.station.campaign.log import CalibrationLog
 from rf_pointing.station.campaign.model_keeper import ModelKeeper, campaign_folder
 from rf_pointing.station.pointing.status import Level, Report
@@ -58,23 +59,23 @@ class CalibratorParams(Params):
     )
 
 
-def journal_of(folder: str, station: str, band: str) -> ObservationJournal:
+def journal_of(folder: str, station: str, band: str, mount: Kinematics = LEVEL) -> ObservationJournal:
     """Return the observations that are kept in `folder` for a station and band."""
     # One journal for each of them: a fit of mixed observations would be of no antenna.
-    return ObservationJournal(campaign_folder(folder, station, band) / "observations.csv", station, band)
+    return ObservationJournal(campaign_folder(folder, station, band) / "observations.csv", station, band, mount)
 
 
 class Calibrator:
     """The models (`keeper`) and the observations (`log`); ValueError for a file that is refused."""
 
-    def __init__(self, params: CalibratorParams, rules: AcceptanceRules) -> None:
+    def __init__(self, params: CalibratorParams, rules: AcceptanceRules, mount: Kinematics = LEVEL) -> None:
         start = calibration.read_model(params.model_file) if params.model_file else None
-        self.keeper = ModelKeeper(params.station, params.band, params.folder, start, rules)
+        self.keeper = ModelKeeper(params.station, params.band, params.folder, start, rules, mount)
         kept = params.folder and params.keep_observations
         self.log = CalibrationLog(
             params.station, params.band, params.spacing_s, params.sigma_rad, scan_spacing_s=params.scan_spacing_s,
             largest_error_rad=params.largest_error_rad, settle_s=params.settle_s,
-            journal=journal_of(params.folder, params.station, params.band) if kept else None,
+            journal=journal_of(params.folder, params.station, params.band, mount) if kept else None, mount=mount,
         )  # fmt: skip
 
     def take_error(self, error: PointingError, reading: JointReading | None) -> None:

@@ -9,7 +9,7 @@ scan: where the encoders are meanwhile is part of the scan.
 import math
 from collections import Counter, deque
 from collections.abc import Collection
-from dataclasses import fields, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -26,7 +26,9 @@ from rf_pointing.calibration import (
     SectorRule,
     fit_bias_model,
 )
+from rf_pointing.calibration.observations import COLUMNS as OBSERVED
 from rf_pointing.core import MDEG, JointReading, Motion, PointingError, Target, nearest_turn_rad
+from rf_pointing.core.kinematics import LEVEL, Kinematics
 from rf_pointing.core.signals import TimeBuffer
 from rf_pointing.core.types import Array
 from rf_pointing.planning import plunged
@@ -43,7 +45,7 @@ FEWEST = 30
 SHOWN_REASONS = 3
 MOST_REASONS = 100
 BLOCK_ROWS = 256
-COLUMNS = tuple(each.name for each in fields(Observations) if each.name not in ("station", "band", "temperature_k"))
+COLUMNS = tuple(name for name in OBSERVED if name != "temperature_k")
 """Columns of an observation that is taken here, without temperature."""
 TEMPERATURE_S = 3600.0
 """Age up to which a temperature counts: that of a mount follows the day."""
@@ -82,8 +84,9 @@ class CalibrationLog:
         largest_error_rad: float = math.inf,
         settle_s: float = 0.0,
         journal: ObservationJournal | None = None,
+        mount: Kinematics = LEVEL,
     ) -> None:
-        self.station, self.band = station, band
+        self.station, self.band, self.mount = station, band, mount
         self._spacing_s, self._scan_spacing_s = spacing_s, max(scan_spacing_s, spacing_s)
         self._sigma_rad, self._journal = sigma_rad, journal
         self._largest_error_rad, self._settle_s = largest_error_rad, settle_s
@@ -116,7 +119,7 @@ class CalibrationLog:
             self._target_name, self._new_pass, self._sensed_since_s = target.name, True, None
             self._target.clear()
             self._ranges.clear()
-        self._target.add(target)
+        self._target.add(self.mount.of_axes(target))
         self._ranges.append((target.t_s, target.range_m, target.range_rate_m_s))
 
     def take_joints(self, reading: JointReading) -> None:
@@ -253,7 +256,9 @@ class CalibrationLog:
         if self._filled:
             columns = dict(zip(self._columns, np.concatenate(self._blocks)[: self._filled].T.copy(), strict=True))
             pass_id = columns.pop("pass_id").astype(np.int64)
-            parts.append(Observations(station=self.station, band=self.band, pass_id=pass_id, **columns))
+            parts.append(
+                Observations(station=self.station, band=self.band, mount=self.mount, pass_id=pass_id, **columns)
+            )
         # Joined once, not at every call.
         points = Observations.concatenate(parts)
         self._points, self._blocks, self._filled = points, [], 0
@@ -268,7 +273,7 @@ class CalibrationLog:
         if not len(self):
             return Coverage(rule, np.zeros(rule.count, dtype=np.int64))
         points = self.observations()
-        return rule.coverage(points.true_azimuth_rad, points.true_elevation_rad)
+        return rule.coverage(*points.sky_rad())
 
     def _position(self, error: PointingError) -> tuple[Array | None, str]:
         """Return the axis angles (2,) that an error belongs to, or None and why."""
@@ -333,5 +338,7 @@ class CalibrationLog:
             "range_m": np.interp(error.t_s, times, ranges),
             "range_rate_m_s": np.interp(error.t_s, times, rates),
         }
-        columns = {name: np.array([value], dtype=np.float64) for name, value in single.items()}
-        return Observations(station=self.station, band=self.band, pass_id=np.array([pass_id]), **columns)
+        columns: dict[str, Any] = {name: np.array([value]) for name, value in single.items()}
+        return Observations(
+            station=self.station, band=self.band, mount=self.mount, pass_id=np.array([pass_id]), **columns
+        )

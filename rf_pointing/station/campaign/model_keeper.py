@@ -19,6 +19,7 @@ from rf_pointing.calibration import (
     Verdict,
 )
 from rf_pointing.core import MDEG
+from rf_pointing.core.kinematics import LEVEL, Kinematics
 
 
 def campaign_folder(folder: str | Path, station: str, band: str) -> Path:
@@ -34,11 +35,17 @@ class ModelKeeper:
     """
 
     def __init__(
-        self, station: str, band: str, folder: str, start: ModelVersion | None, rules: AcceptanceRules
+        self,
+        station: str,
+        band: str,
+        folder: str,
+        start: ModelVersion | None,
+        rules: AcceptanceRules,
+        mount: Kinematics = LEVEL,
     ) -> None:
         self._station, self._band, self.rules = station, band, rules
         self._store = ModelStore(campaign_folder(folder, station, band) / "models", station, band) if folder else None
-        self._start = start
+        self._start, self._mount = start, mount
         self._before: list[ModelVersion | None] = []
         self.active: ModelVersion | None = None
         self.temperature_k: float | None = None
@@ -51,7 +58,9 @@ class ModelKeeper:
 
         Raises ValueError when it has thermal terms and no temperature is known.
         """
-        return self.active.model.at_temperature(self.temperature_k) if self.active else BiasModel.zero()
+        if self.active is None:
+            return BiasModel.zero(self._mount)
+        return self.active.model.on(self._mount).at_temperature(self.temperature_k)
 
     def retune(self, rules: AcceptanceRules) -> None:
         """Judge by other rules from now on; what was observed in the shadow still counts."""
@@ -68,6 +77,9 @@ class ModelKeeper:
         if self.active is None and self._start is not None:
             self._start.check_for(self._station, self._band, t_s)
             self.active = self._start
+        # A mount that was turned since has other axes under the same names.
+        if self.active is not None:
+            self.active.model.on(self._mount)
 
     def free_name(self, stem: str) -> str:
         """Return `stem`, with a number after it if a version of that name exists."""

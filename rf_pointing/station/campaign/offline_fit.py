@@ -31,8 +31,10 @@ from rf_pointing.calibration.fit_result import Nuisance
 from rf_pointing.calibration.outlying_passes import MEASURABLE_FROM
 from rf_pointing.calibration.pass_errors import SharedErrors, seen_from
 from rf_pointing.calibration.systematic_errors import SystematicError, WrongDataError
+from rf_pointing.calibration.terms import names_of
 from rf_pointing.core import MDEG
 from rf_pointing.core.dates import DAY_S
+from rf_pointing.core.kinematics import LEVEL, Kinematics
 from rf_pointing.core.refraction import RadioRefraction
 from rf_pointing.ephemeris import Elements, Site, find_elements
 from rf_pointing.ephemeris.uncertainty import ElementUncertainty
@@ -67,7 +69,8 @@ class FitRequest:
     Attributes
     ----------
     station, band, site : owner of the data; data of another one are refused.
-    terms : the terms offered; the others keep the values of `known`, or zero.
+    terms : the terms offered, by default the 14 of the `mount`; the others keep the values of
+        `known`, or zero.
     select : choose among them by BIC.  held_out : predict each pass by a fit without it.
     form : of the model, "printed" or "rotation".  robust : Huber weights instead of squares.
     orbit_prior_m : orbit error that the fit allows for in each pass, along, across and radially;
@@ -95,11 +98,21 @@ class FitRequest:
     require_full: bool = False
     known: ModelVersion | None = None
     elements: Sequence[Elements] = ()
+    mount: Kinematics = LEVEL
+
+    def __post_init__(self) -> None:
+        if self.terms == calibration.TERM_NAMES:
+            object.__setattr__(self, "terms", names_of(self.mount.type))
+
+    @property
+    def model(self) -> BiasModel:
+        """The best model known; that of a perfect antenna without one."""
+        return self.known.model.on(self.mount) if self.known else BiasModel.zero(self.mount)
 
     @property
     def coefficients(self) -> dict[str, float]:
-        """The terms of the best model known; zero without one."""
-        return dict(self.known.model.coefficients) if self.known else dict.fromkeys(calibration.TERM_NAMES, 0.0)
+        """Its terms."""
+        return dict(self.model.coefficients)
 
     @property
     def convergence_rad(self) -> float:
@@ -178,6 +191,9 @@ class OfflineFit:
             # A fit that settles next to it measures it better than medians of distances.
             if isinstance(error, WrongDataError) and error.kinds <= MEASURED:
                 raise
+            # The causes are looked for among angles that are azimuth and elevation.
+            if not request.mount.level:
+                raise
             cause = cause_of(self._data.passes, request.elements, request.site, request.refraction)
             if not cause:
                 raise
@@ -185,8 +201,7 @@ class OfflineFit:
 
     def _run(self) -> Fitted:
         request, passes = self._request, self._data.passes
-        model = request.known.model if request.known else BiasModel.zero()
-        known, late = PriorKnowledge(model=model, form=request.form), dict[int, SystematicError]()
+        known, late = PriorKnowledge(model=request.model, form=request.form), dict[int, SystematicError]()
         every, stages, notes = self._collected(known, late)
         disagreement, least_s = None, 0.0
         notes += dict.fromkeys(note for one in passes for note in one.raw.notes)
@@ -397,7 +412,7 @@ class OfflineFit:
         A term that was offered and not chosen is zero; one not offered keeps its known value.
         """
         request, offered = self._request, self._request.terms
-        base = BiasModel.zero().replace(**dict.fromkeys(offered, 0.0) | request.coefficients)
+        base = BiasModel.zero(request.mount).replace(**dict.fromkeys(offered, 0.0) | request.coefficients)
         rest = {name: value for name, value in base.coefficients.items() if name not in names}
         options = FitOptions(
             form=request.form, scale_covariance=True,
@@ -560,7 +575,7 @@ def summary(points: Observations, result: FitResult) -> str:
     rms = [value / MDEG for value in result.rms_rad()]
     used = points.select(result.used)
     rule = SectorRule()
-    full = rule.count - len(rule.coverage(used.true_azimuth_rad, used.true_elevation_rad).thin)
+    full = rule.count - len(rule.coverage(*used.sky_rad()).thin)
     return (
         f"{len(used)} observations of {result.passes} passes, {len(result.rejected)} edited out; residual rms {rms[0]:.2f} "
         f"mdeg cross-elevation, {rms[1]:.2f} mdeg elevation; condition {result.condition:.0f}; {full} of {rule.count} "

@@ -7,13 +7,15 @@ for the lags, slow ones at 3000 km.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from rf_pointing.calibration import CandidatePass, ReferenceTrack
+from rf_pointing.calibration.reference import COLUMNS
 from rf_pointing.core import MDEG, Params, parameter
 from rf_pointing.core.constants import EARTH_MU_M3_S2, EARTH_RADIUS_M
+from rf_pointing.core.kinematics import LEVEL, Kinematics
 from rf_pointing.core.refraction import RadioRefraction
 from rf_pointing.ephemeris import Elements, Pass, Site, TopocentricTrack, find_passes
 
@@ -37,13 +39,22 @@ class ArcRules(Params):
         low=1e-5,
         high=10.0,
     )
+    travel_rad: tuple[float, ...] = parameter(
+        (), "ends of the lower and of the upper axis, outside of which pieces are left out; none: unlimited",
+        low=-20.0, high=20.0,
+    )  # fmt: skip
     lead_s: float = parameter(
         0.0, "time before the first point, in which the azimuth rate counts too", low=0.0, high=600.0
     )
 
 
 def candidate_arcs(
-    elements: Sequence[Elements], site: Site, start_t_s: float, duration_s: float, rules: ArcRules
+    elements: Sequence[Elements],
+    site: Site,
+    start_t_s: float,
+    duration_s: float,
+    rules: ArcRules,
+    mount: Kinematics = LEVEL,
 ) -> tuple[list[CandidatePass], list[str]]:
     """Return every candidate, named after its satellite, and the reasons of what is left out."""
     found: list[CandidatePass] = []
@@ -52,18 +63,24 @@ def candidate_arcs(
     air = RadioRefraction.standard(site.altitude_m)
     for one in elements:
         try:
-            found += _arcs_of(TopocentricTrack(one, site, refraction=air), start_t_s, duration_s, rules)
+            found += _arcs_of(TopocentricTrack(one, site, refraction=air), start_t_s, duration_s, rules, mount)
         except ValueError as reason:
             left_out.append(str(reason))
     return found, left_out
 
 
-def _arcs_of(track: TopocentricTrack, start_t_s: float, duration_s: float, rules: ArcRules) -> list[CandidatePass]:
+def _arcs_of(
+    track: TopocentricTrack, start_t_s: float, duration_s: float, rules: ArcRules, mount: Kinematics
+) -> list[CandidatePass]:
     found: list[CandidatePass] = []
     for begin, end in _visible(track, start_t_s, duration_s, rules):
         look = track.sample(np.arange(begin - rules.lead_s, end + 0.5 * rules.spacing_s, rules.spacing_s))
-        whole = ReferenceTrack(**{item.name: getattr(look, item.name) for item in fields(ReferenceTrack)})
-        fast_s = whole.t_s[np.abs(whole.azimuth_rate_rad_s) > rules.fastest_rad_s]
+        whole = ReferenceTrack.of(look).on(mount)
+        # What the antenna cannot follow, and what it cannot reach.
+        missed = np.abs(whole.azimuth_rate_rad_s) > rules.fastest_rad_s
+        for angle, low, high in zip(whole.motion(), rules.travel_rad[::2], rules.travel_rad[1::2], strict=False):
+            missed |= (angle < low) | (angle > high)
+        fast_s = whole.t_s[missed]
         found += [
             _candidate(track.name, whole, a, b, rules)
             for a, b in _cut(begin, end, rules)
@@ -131,5 +148,5 @@ def _cut(begin: float, end: float, rules: ArcRules) -> list[tuple[float, float]]
 
 def _candidate(name: str, whole: ReferenceTrack, begin: float, end: float, rules: ArcRules) -> CandidatePass:
     rows = (whole.t_s >= begin - 1e-3) & (whole.t_s <= end + 1e-3)
-    part = ReferenceTrack(**{item.name: getattr(whole, item.name)[rows] for item in fields(ReferenceTrack)})
+    part = replace(whole, **{name: getattr(whole, name)[rows] for name in COLUMNS})
     return CandidatePass(name=name, track=part, sigma_rad=rules.sigma_rad)

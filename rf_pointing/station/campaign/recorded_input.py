@@ -17,6 +17,7 @@ from rf_pointing.calibration import (
     require_derivatives,
     split_passes,
 )
+from rf_pointing.core.kinematics import LEVEL, Kinematics
 from rf_pointing.core.refraction import RadioRefraction
 from rf_pointing.core.whole_file import JOURNAL_BYTES, read_whole
 from rf_pointing.ephemeris import Elements, Site, TopocentricTrack, find_elements
@@ -31,14 +32,14 @@ def holds_points(path: Path) -> bool:
     # By the header, not by the name: both kinds of table are .csv.
     lines = read_whole(path, JOURNAL_BYTES, "utf-8-sig").splitlines()
     header = next((line for line in lines if line.strip() and not line.startswith("#")), "")
-    return "observed_azimuth_deg" in header
+    return "observed_" in header
 
 
-def read_points(paths: Sequence[Path]) -> Observations | None:
+def read_points(paths: Sequence[Path], mount: Kinematics = LEVEL) -> Observations | None:
     """Return the points of all files, passes numbered from file to file; None without files."""
     parts: list[Observations] = []
     for path in paths:
-        points = read_observations(path)
+        points = read_observations(path, mount)
         try:
             require_derivatives(points)
         except ValueError as error:
@@ -49,9 +50,11 @@ def read_points(paths: Sequence[Path]) -> Observations | None:
     return Observations.concatenate(parts) if parts else None
 
 
-def read_raw(path: Path, band: str) -> list[RawTracking]:
+def read_raw(path: Path, band: str, mount: Kinematics = LEVEL) -> list[RawTracking]:
     """Return the passes of a CSV file or a TDM; `band` is that of messages that name none."""
-    tracks = [read_tracking(path)] if path.suffix == ".csv" else read_tdm(path, band=band)
+    if path.suffix != ".csv" and not mount.level:
+        raise ValueError(f"{path} holds azimuth and elevation, and the mount is {mount.words}: give CSV with its axes")
+    tracks = [read_tracking(path, mount)] if path.suffix == ".csv" else read_tdm(path, band=band)
     return [one for track in tracks for one in split_passes(track, PASS_GAP_S)]
 
 
@@ -61,6 +64,7 @@ def reference_of(
     site: Site,
     max_age_s: float,
     refraction: RadioRefraction | Literal["standard"] | None = "standard",
+    mount: Kinematics = LEVEL,
 ) -> ReferenceTrack:
     """Return the apparent motion of the target of `raw` by its elements, over its samples.
 
@@ -74,4 +78,4 @@ def reference_of(
     low, high = np.percentile(times, [2.0, 98.0])
     margin = 0.1 * (high - low) + 30.0
     look = track.sample(np.arange(low - margin, high + margin, REFERENCE_STEP_S))
-    return ReferenceTrack(**{name: getattr(look, name) for name in ReferenceTrack.__dataclass_fields__})
+    return ReferenceTrack.of(look).on(mount)

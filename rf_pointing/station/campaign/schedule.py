@@ -28,6 +28,7 @@ from rf_pointing.station.campaign.calibrator import journal_of
 from rf_pointing.station.campaign.log import CalibrationLog
 from rf_pointing.station.campaign.model_keeper import ModelKeeper
 from rf_pointing.station.campaign.plan import ArcRules, candidate_arcs, window_of
+from rf_pointing.station.derive.axes import kinematics_of
 from rf_pointing.station.description import StationDescription
 
 ARCS_S = (60.0, 120.0, 240.0)
@@ -95,7 +96,7 @@ def schedule_calibration(
     Raises ValueError when there are too few of them.
     """
     rule = SectorRule(fewest=params.fewest, most=max(30, params.fewest))
-    filled = rule.coverage(kept.true_azimuth_rad, kept.true_elevation_rad).counts if kept is not None else None
+    filled = rule.coverage(*kept.sky_rad()).counts if kept is not None else None
     begin_s = max(start_s, float(np.max(kept.t_s)) if kept is not None else start_s) + LARGEST_SLEW_S
     campaign = _planned(station, elements, begin_s, params.longest_s, ARCS_S, rule, filled)
     if not campaign.passes and campaign.coverage.thin:
@@ -124,9 +125,12 @@ def _planned(
     rules = ArcRules(
         arcs_s=arcs_s, every_s=60.0, spacing_s=SPACING_S, lowest_rad=math.radians(11.0), lead_s=ACQUISITION_S
     )
-    candidates, _ = candidate_arcs(elements, station.site, begin_s, span_s, rules)
-    low_deg, high_deg = station.content.mount.pair[0].travel_deg
-    slew = Slew(settle_s=ACQUISITION_S + 10.0, travel_rad=(math.radians(low_deg), math.radians(high_deg)))
+    mount, travel_deg = kinematics_of(station.content), [axis.travel_deg for axis in station.content.mount.pair]
+    ends = tuple(np.radians(travel_deg).ravel().tolist())
+    if not mount.level:
+        rules = rules.replace(travel_rad=ends)
+    candidates, _ = candidate_arcs(elements, station.site, begin_s, span_s, rules, mount)
+    slew = Slew(settle_s=ACQUISITION_S + 10.0, travel_rad=ends[:2])
     return plan_campaign(candidates, rule, slew, filled)
 
 
@@ -140,11 +144,12 @@ def fit_of_kept(
     station: StationDescription, band: str, folder: str, orbit_prior_m: float
 ) -> tuple[Observations, FitResult]:
     """Return the observations on the disk and the fit that the calibrator makes of them."""
-    journal = journal_of(folder, station.name, band)
+    mount = kinematics_of(station.content)
+    journal = journal_of(folder, station.name, band, mount)
     sigma_rad = station.sets("bias_calibrator", band)["calibrator"].sigma_rad
-    log = CalibrationLog(station.name, band, SPACING_S, sigma_rad, journal=journal)
+    log = CalibrationLog(station.name, band, SPACING_S, sigma_rad, journal=journal, mount=mount)
     points, file = log.observations(), station.bias_model_file(band)
     start = read_model(file) if file else None
-    keeper = ModelKeeper(station.name, band, folder, start, AcceptanceRules())
+    keeper = ModelKeeper(station.name, band, folder, start, AcceptanceRules(), mount)
     keeper.begin(float(np.max(points.t_s)))
     return points, log.fit(keeper.model, pass_priors=PassPriors.of_orbit(orbit_prior_m))

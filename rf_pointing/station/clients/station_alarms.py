@@ -65,7 +65,7 @@ class StationAlarms:
     ) -> None:  # fmt: skip
         self.recovery, self.book, self.known = recovery, recovery.book, recovery.expected_state
         self.thresholds, self.hooks = thresholds, AlarmHooks(hooks, station)
-        self._folder, self._tell, self._sun = folder, tell, SolarDirection(controller.sun)
+        self._folder, self._tell, self._sun = folder, tell, SolarDirection(controller.sun, controller.kinematics)
         self._sun_radius_rad = controller.machine.sun_radius_rad
         self._t_s = 0.0
         conditions = (each.attribute for cause in recovery.table.causes for each in cause.when)

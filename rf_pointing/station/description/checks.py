@@ -277,10 +277,7 @@ def _check_band(content: Content, name: str, section: BandSection, reader: Reade
         reader.note(f"{key}.sensors", f"{key}.sensors names array: the description has no section array")
     elif Sensor.ARRAY in (section.sensors or ()) and content.array and frequency is not None:
         _check_array(content.array, frequency, reader)
-    if section.bias_model and content.mount is not None and content.mount.type not in (None, AZIMUTH_ELEVATION):
-        reader.note(f"{key}.bias_model", f"{key}.bias_model: its terms are those of mount.type={AZIMUTH_ELEVATION}, "
-            f"the mount is {content.mount.type}")  # fmt: skip
-    elif section.bias_model:
+    if section.bias_model:
         # Imported here, as what the checks of an array need: most stations have neither.
         from rf_pointing.calibration.model_file import read_model
 
@@ -294,6 +291,11 @@ def _check_band(content: Content, name: str, section: BandSection, reader: Reade
                 if own != wanted:
                     reader.note(f"{key}.bias_model", f"{key}.bias_model={section.bias_model!r} is of {what} {own!r}, must be "
                         f"of {wanted!r}")  # fmt: skip
+            try:
+                if content.mount is not None and content.site is not None:
+                    version.model.on(kinematics_of(content))
+            except ValueError as error:
+                reader.note(f"{key}.bias_model", f"{key}.bias_model={section.bias_model!r}: {error}")
     if section.noise is not None:
         if section.system_noise_k is not None:
             reader.note(f"{key}.noise", f"{key}.noise and system_noise_k give the same twice: leave one out")

@@ -130,6 +130,7 @@ class PointingController:
 
     def take_model(self, model: BiasModel) -> None:
         """Use `model` from the next trajectory on; `model_doubt` states what is wrong with it."""
+        model = model.on(self.params.kinematics)
         self._motion.take_model(model)
         self.model_doubt = self._doubt_of(model)
 

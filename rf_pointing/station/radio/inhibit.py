@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 import serial
 
 from rf_pointing.core import Mode, Params, parameter
+from rf_pointing.core.kinematics import LEVEL, Kinematics
 from rf_pointing.core.types import Pair
 from rf_pointing.planning.forbidden_sky import ForbiddenSky
 from rf_pointing.station.description.content import RadioSection
@@ -61,8 +62,14 @@ HEARD = {
 class TransmitRules:
     """The reasons of one station."""
 
-    def __init__(self, params: InhibitParams, radio: RadioSection, sky: ForbiddenSky) -> None:
-        self._params, self._radio, self._sky = params, radio, sky
+    def __init__(
+        self,
+        params: InhibitParams,
+        radio: RadioSection,
+        sky: ForbiddenSky,
+        mount: Kinematics = LEVEL,
+    ) -> None:
+        self._params, self._radio, self._sky, self._mount = params, radio, sky, mount
 
     def reason(self, antenna: Antenna, target: str, sun_rad: Pair | None, wall_s: float) -> str:
         """Return "" when the transmitter may send to `target`, else why not."""
@@ -75,13 +82,16 @@ class TransmitRules:
             return f"the controller is not on a target: {antenna.mode}"
         if antenna.target != target:
             return f"{antenna.target} is tracked, and the radio is on {target}"
-        if reason := self._sky.reason(*antenna.axes_rad, None, sun_rad):
+        # Mask, Sun and sectors are on the sky, and axes over the top are folded below.
+        level = self._mount.level
+        beam_rad = antenna.axes_rad if level else self._mount.sky_at(*antenna.axes_rad)
+        if reason := self._sky.reason(*beam_rad, None, sun_rad):
             return reason
         most_rad = self._params.most_error_beamwidths * antenna.beamwidth_rad
         if antenna.error_rad > most_rad:
             error_deg, most_deg = math.degrees(antenna.error_rad), math.degrees(most_rad)
             return f"pointing error {error_deg:.3f} deg exceeds {most_deg:.3f} deg"
-        return self._sector(*map(math.degrees, antenna.axes_rad))
+        return self._sector(*map(math.degrees, beam_rad))
 
     def _sector(self, azimuth_deg: float, elevation_deg: float) -> str:
         # Over the top the beam is on the other side of the sky.

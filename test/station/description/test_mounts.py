@@ -1,9 +1,9 @@
 """Mounts in a description: their keys, every contradiction in words, and who refuses them."""
 
 import copy
-import dataclasses
 import importlib
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,11 +13,15 @@ import yaml
 
 from rf_pointing.api.station import Station
 from rf_pointing.api.target import elements
+from rf_pointing.calibration import BiasModel, read_model, write_model
+from rf_pointing.calibration.terms import names_of
 from rf_pointing.commands import check_drive, check_station
 from rf_pointing.core import angular_distance_rad
-from rf_pointing.core.mount_types import MOUNTS
+from rf_pointing.core.kinematics import Kinematics
+from rf_pointing.core.mount_types import LOWER_AXES, MOUNTS
+from rf_pointing.station.derive.axes import kinematics_of
 from rf_pointing.station.derive.nodes import NODES
-from rf_pointing.station.description import StationError, read_station, station_from
+from rf_pointing.station.description import STATIONS, StationError, read_station, station_from
 from rf_pointing.station.description.description import FLIES_OTHER_MOUNTS, StationDescription
 
 AXIS = {"rate_deg_s": 3.0, "acceleration_deg_s2": 3.0}
@@ -111,15 +115,26 @@ def test_travel_rates_and_rest_are_those_of_the_axes_by_their_names(tmp_path: Pa
     assert polar["kinematics.latitude_deg"].value == pytest.approx(-31.0)
 
 
-def test_a_bias_model_of_azimuth_and_elevation_is_not_that_of_another_mount(tmp_path: Path) -> None:
+@pytest.mark.parametrize("kind", ["azimuth_elevation", "ha_dec", "turned", "x_y"])
+def test_a_bias_model_is_taken_on_its_own_mount_alone(tmp_path: Path, kind: str) -> None:
     text = description("x_y", MOUNT_OF["x_y"]).replace(
-        "frequency_mhz: 8200", "{frequency_mhz: 8200, bias_model: a.yaml}"
+        "frequency_mhz: 8200", "frequency_mhz: 8200\n    bias_model: a.yaml"
     )
-    text = text.replace("X:\n    {", "X: {")
-    with pytest.raises(
-        StationError,
-        match="bands.X.bias_model: its terms are those of mount.type=azimuth_elevation",
-    ):
+    lies = kinematics_of(read(tmp_path, "x_y").content).lower_axis
+    turned = {"x_y": lies, "turned": next(each for each in LOWER_AXES if each != lies)}
+    mount = Kinematics(type="x_y", lower_axis=turned[kind]) if kind in turned else Kinematics(type=kind)
+    version = read_model(STATIONS / "bias_model_dss13_x.yaml")
+    term = names_of(mount.type)[9]
+    model = BiasModel.zero(mount).replace(**{term: 1e-3})
+    write_model(tmp_path / "a.yaml", replace(
+        version, station="Mine", model=model, fitted=(term,), covariance=np.array([[1e-8]])
+    ))  # fmt: skip
+    assert read_model(tmp_path / "a.yaml").model.mount == mount
+    if kind == "x_y":
+        found = station_from(tmp_path / "s.yaml", text)
+        assert Station(found).model.coefficients[term] == pytest.approx(1e-3)
+        return
+    with pytest.raises(StationError, match=f"bias_model='a.yaml': .* of a mount {mount.words}, must be of one of type"):
         station_from(tmp_path / "s.yaml", text)
 
 
@@ -137,29 +152,23 @@ def test_whatever_would_move_or_fit_azimuth_and_elevation_refuses_it_by_name(
 ) -> None:
     station, target = Station(other), elements("CBERS 2")
     (tmp_path / "s.yaml").write_text(description(other.content.mount.type, MOUNT_OF[other.content.mount.type]))
-    requests, scan, service, network, tuning, calibration, campaign = (
-        importlib.import_module(f"rf_pointing.{name}")
-        for name in ("api.requests", "api.scan", "api.service", "api.network", "api.tuning", "api.calibration",
-                     "commands.plan_calibration")
-    )  # fmt: skip
-    file, nothing = (
-        str(tmp_path / "s.yaml"),
-        dict.fromkeys(item.name for item in dataclasses.fields(campaign.CampaignRequest)),
+    requests, scan, service, network, tuning = (
+        importlib.import_module(f"rf_pointing.api.{name}")
+        for name in ("requests", "scan", "service", "network", "tuning")
     )
     for user, attempt in {
         "designate": lambda: requests.DesignateRequest(station=station),
-        "calibrate": lambda: requests.CalibrateRequest(station=station),
         "identify_antenna": lambda: requests.IdentifyRequest(station=station),
         "scan": lambda: scan.ScanRequest(station=station, target=target),
         "a service": lambda: service.make_service(station, target, 0.0),
         "a network plan": lambda: network.plan_network([station, station], [target]),
         "tune": lambda: tuning.tune(station),
-        "a fit of the bias model": lambda: calibration.fit([], station),
-        "plan_calibration": lambda: campaign.CampaignRequest(**(nothing | {"station": station})),
-        "check_drive": lambda: check_drive.read_drive([], file),
     }.items():
         with pytest.raises(ValueError, match=f"^{user} knows mounts of type azimuth_elevation alone"):
             attempt()
+    # A drive is checked axis by axis, and every mount has two.
+    ends = check_drive.flown_rad(str(tmp_path / "s.yaml"))
+    assert np.degrees(ends).T.tolist() == pytest.approx([axis.travel_deg for axis in other.content.mount.pair])
     request = requests.TrackRequest(station=station, target=target)
     if other.content.mount.tilt_deg is None:
         assert request.station is station

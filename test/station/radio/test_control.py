@@ -11,6 +11,7 @@ from typing import Any, ClassVar
 import pytest
 from rf_pointing.core import Mode
 from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
+from rf_pointing.core.kinematics import Kinematics
 from rf_pointing.drives.line_server import INVALID, IO_ERROR, REJECTED, Inquiry, Order
 from rf_pointing.drives.rigctld import RECEIVE, TRANSMIT, RadioView
 from rf_pointing.planning.forbidden_sky import ForbiddenSky
@@ -18,7 +19,7 @@ from rf_pointing.planning.horizon import HorizonMask
 from rf_pointing.station.description import read_station
 from rf_pointing.station.pointing.status import Level
 from rf_pointing.station.radio.control import RESTING, RadioControl
-from rf_pointing.station.radio.inhibit import InhibitParams, TransmitLine, TransmitRules
+from rf_pointing.station.radio.inhibit import Antenna, InhibitParams, TransmitLine, TransmitRules
 from test.station.radio.targets import target
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "transponder_radio.yaml"
@@ -343,3 +344,27 @@ def test_a_pipe_that_nobody_reads_and_a_port_without_such_a_line_do_not_hold_up_
         line.step(True, 1.0)
         assert line.problem.startswith(f"the transmit line {where} cannot be set: ")
         line.close()
+
+
+@pytest.mark.parametrize("axes", [(0.2, 0.3), (-0.9, 0.4), (1.1, -0.2), (0.1, 1.1), (-1.35, -0.3)])
+@pytest.mark.parametrize("mount", [
+    Kinematics(type="x_y", lower_axis="east_west"), Kinematics(type="ha_dec", latitude_rad=-0.62),
+], ids=lambda each: each.type)  # fmt: skip
+def test_the_radio_of_another_mount_may_send_where_one_of_azimuth_and_elevation_may(
+    mount: Kinematics, axes: tuple[float, float]
+) -> None:
+    """The mask, the Sun and the sectors are those of where the beam is, whatever the axes show."""
+    section = replace(Station().section, eirp_sectors=((0.0, 360.0, 60.0, -100.0),))
+    mask = HorizonMask(azimuth_rad=(0.0, 3.0), elevation_rad=(0.1, 0.5))
+    sky = ForbiddenSky(mask, math.radians(10.0))
+    heard = dict.fromkeys(("joint_states", "antenna_status", "tracking_status"), 0.0)
+    level = Antenna(
+        axes_rad=mount.sky_at(*axes), mode=str(Mode.PROGRAM_TRACK), target="a", heard_s=heard
+    )
+    for sun_rad in (None, mount.sky_at(axes[0] + 0.05, axes[1])):
+        expected = TransmitRules(InhibitParams(), section, sky).reason(level, "a", sun_rad, 0.0)
+        other = replace(level, axes_rad=axes)
+        assert (
+            TransmitRules(InhibitParams(), section, sky, mount).reason(other, "a", sun_rad, 0.0)
+            == expected
+        )
