@@ -95,9 +95,10 @@ def select_terms(
 ) -> TermSelection:
     """Return the `candidates` that the data support; the others count as zero.
 
-    Those of `always` are chosen whatever the data show.  Terms that are not candidates have the values in `held`, zero without it.  The equations are
-    those of the printed form, or linear `about` a fit of all candidates.  Raises ValueError for
-    unknown names and a search that has not settled.
+    Those of `always` are chosen whatever the data show.  Terms that are not candidates have the
+    values in `held`, zero without it.  The equations are those of the printed form, or linear
+    `about` a fit of all candidates.  Raises ValueError for unknown names and a search that has not
+    settled.
     """
     terms_by_name(candidates)
     search = _Search.of(
