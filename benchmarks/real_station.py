@@ -14,8 +14,8 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack, suppress
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -53,6 +53,17 @@ def of_tests(file: str) -> Any:
 
 
 live = of_tests("graph/real_station.py")
+
+
+@contextmanager
+def busy(processes: int) -> Iterator[None]:
+    """Let so many processes compute meanwhile."""
+    computing = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(processes)]
+    try:
+        yield
+    finally:
+        for process in computing:
+            process.kill()
 
 
 def free_port() -> int:

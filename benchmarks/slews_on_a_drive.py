@@ -15,7 +15,6 @@ import math
 import os
 import random
 import signal
-import subprocess
 import sys
 import tempfile
 import time
@@ -25,7 +24,7 @@ from pathlib import Path
 from typing import Any
 
 import rclpy
-from real_station import DEVICES, PATIENCE_S, SPEED_DEG_S, write_station
+from real_station import DEVICES, PATIENCE_S, SPEED_DEG_S, busy, write_station
 from rf_pointing_msgs.msg import AntennaStatus
 from rf_pointing_msgs.srv import GoTo
 from sensor_msgs.msg import JointState
@@ -159,12 +158,8 @@ def main() -> None:
     os.environ["ROS_DOMAIN_ID"] = str(random.randrange(1, 100))
     # As the nodes: a stopped process leaves no shared memory for which others would wait.
     os.environ["FASTDDS_BUILTIN_TRANSPORTS"] = "UDPv4"
-    busy = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(options.busy)]
-    try:
+    with busy(options.busy):
         wrong = sum(measure(name, options.slews, options.stalls, options.seed) for name in options.drive)
-    finally:
-        for process in busy:
-            process.kill()
     sys.exit(1 if wrong else 0)
 
 

@@ -1,11 +1,11 @@
 """Fly a night of short passes on a real device in wall time while nodes and device are killed and stopped.
 
-    scripts/run-python benchmarks/soak.py [--minutes 60] [--drive rotctld] [--seed 1] [--json FILE]
+    scripts/run-python benchmarks/soak.py [--minutes 60] [--drive rotctld] [--seed 1] [--busy 8] [--json FILE]
 
 A satellite passes every 110 s for 71 s, and station_executive tracks them all.  At random times a
 node is killed (-9) or stopped (SIGSTOP, 0.2 to 5 s), and the device behind the drive is stopped
 (0.3 to 8 s) or killed and started again (after 0.5 to 8 s, at its home).  What has ended is started
-again after 0.5 s, as a launch file does.
+again after 0.5 s, as a launch file does.  --busy processes compute meanwhile.
 
 A second of a pass is lost while the axes are more than half the beamwidth from the satellite, or
 have not been received for 1 s.  A fault, which for a killed node lasts until it is active again, may
@@ -33,7 +33,7 @@ import numpy as np
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.action import ActionClient
-from real_station import SPEED_DEG_S, Station
+from real_station import SPEED_DEG_S, Station, busy
 from rf_pointing_msgs.action import RunSchedule
 from rf_pointing_msgs.msg import ExecutiveStatus, Schedule
 
@@ -288,6 +288,7 @@ def main() -> int:
     parser.add_argument("--minutes", type=float, default=60.0)
     parser.add_argument("--drive", choices=("rotctld", "pty", "topic"), default="rotctld")
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--busy", type=int, default=0, help="processes that compute meanwhile")
     parser.add_argument("--json", type=Path, help="write the faults to a file")
     parser.add_argument("--keep", type=Path, help="folder of logs and state, which is kept")
     options = parser.parse_args()
@@ -295,7 +296,7 @@ def main() -> int:
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(2))
     os.environ |= {"ROS_DOMAIN_ID": str(random.randrange(1, 100)), "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4"}
     rclpy.init()
-    with ExitStack() as ends:
+    with ExitStack() as ends, busy(options.busy):
         ends.callback(rclpy.try_shutdown)
         folder = options.keep or Path(ends.enter_context(tempfile.TemporaryDirectory(prefix="soak")))
         folder.mkdir(parents=True, exist_ok=True)

@@ -118,7 +118,6 @@ distributed() {
   return 1
 }
 
-# colcon_build FOLDER...: the packages there.  Without MAKEFLAGS colcon asks make to wait for an idle machine.
 # colcon_build ARGUMENT...: without MAKEFLAGS colcon asks make to wait for an idle machine.
 colcon_build() {
   cd "$ROOT" && MAKEFLAGS=-j$(nproc) colcon --log-base "$STATE/log" build \

@@ -120,3 +120,11 @@ def test_pip_brings_every_library_of_the_core_in_the_version_that_is_tested() ->
     assert oldest.keys() == pinned.keys()
     for name, version in oldest.items():
         assert [int(part) for part in version.split(".") if part] <= [int(part) for part in pinned[name].split(".")]
+
+
+def test_every_script_that_runs_tests_brings_their_libraries() -> None:
+    """A clone has neither pytest-timeout nor hypothesis until a script asks for them."""
+    scripts = {path.name: path.read_text() for path in (ROOT / "scripts").iterdir() if path.suffix == ""}
+    running = [name for name, text in scripts.items() if "-m pytest" in text]
+    assert {"soak", "test"} <= set(running)
+    assert [name for name in running if "\nenter_environment tests\n" not in scripts[name]] == []

@@ -62,7 +62,8 @@ class DataFiles:
         if rows is not None and len(offsets) == len(self.paths):
             # Nothing measures the orbits of single rows.
             alone = replace(rows, range_m=None, range_rate_m_s=None)
-            return FitData(alone, [], offered=offset_table.terms_of_offsets(alone))
+            terms = offset_table.terms_of_offsets(alone)
+            return FitData(alone, [], offered=terms, always=offset_table.OFFSETS)
         others = [path for path in tables if path not in offsets]
         of_points = [path for path in others if path.suffix == ".csv" and recorded_input.holds_points(path)]
         points = _joined(recorded_input.read_points(of_points, mount), rows)

@@ -91,21 +91,23 @@ def select_terms(
     about: FitResult | None = None,
     shared: SharedErrors | None = None,
     nuisances: Sequence[Nuisance] = (),
+    always: Collection[str] = (),
 ) -> TermSelection:
     """Return the `candidates` that the data support; the others count as zero.
 
-    Terms that are not candidates have the values in `held`, zero without it.  The equations are
-    those of the printed form, or linear `about` a fit of all candidates.  Raises ValueError for
-    unknown names and a search that has not settled.
+    Those of `always` are chosen whatever the data show.  Terms that are not candidates have the
+    values in `held`, zero without it.  The equations are those of the printed form, or linear
+    `about` a fit of all candidates.  Raises ValueError for unknown names and a search that has not
+    settled.
     """
     terms_by_name(candidates)
     search = _Search.of(
         observations, tuple(candidates), held or {}, pass_priors, about, shared, nuisances
     )
-    chosen: frozenset[str] = frozenset()
+    chosen = frozenset(always) & frozenset(candidates)
     bic = search.bic(chosen)
     for _ in range(_MOST_STEPS):
-        move = search.best_move(chosen, bic)
+        move = search.best_move(chosen, bic, always)
         if move is None:
             names = tuple(name for name in candidates if name in chosen)
             return search.selection(names)
@@ -194,10 +196,12 @@ class _Search:
         """Return the criterion of a set of terms."""
         return self.solve(chosen)[0] / self.scale + len(chosen) * float(np.log(self.equations.rows))
 
-    def best_move(self, chosen: frozenset[str], bic: float) -> tuple[str, float] | None:
+    def best_move(
+        self, chosen: frozenset[str], bic: float, always: Collection[str]
+    ) -> tuple[str, float] | None:
         """Return the removal that lowers the BIC, else the best addition that does, else None."""
         # Removal first: a term that came in early may be made needless by a later one.
-        removals = [(self.bic(chosen - {name}), name) for name in chosen]
+        removals = [(self.bic(chosen - {name}), name) for name in chosen.difference(always)]
         if removals and min(removals)[0] < bic:
             return _least(removals)
         additions = [

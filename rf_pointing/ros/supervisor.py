@@ -25,6 +25,7 @@ from rf_pointing.ros.main_loop import RESTART_S, present_holder
 from rf_pointing.ros.managed_graph import NODE_ENVIRONMENT, ONE_LOG, bind_to_parent, end_processes
 from rf_pointing.station.antenna.memory import state_folder
 from rf_pointing.station.clients.station_alarms import NEEDED
+from rf_pointing.station.log_lines import json_lines, named
 
 FIRST = (*NEEDED, EXECUTIVE)
 """Nodes that a pass in progress waits for: to import all nodes takes a small computer 30 s."""
@@ -141,7 +142,9 @@ class Supervisor:
 
     def say(self, text: str) -> None:
         """Log a line of the supervisor's own."""
-        line = f"[{utc_text(time.time())}] launch: {text}"
+        t_s = time.time()
+        row = {"t_s": t_s, "level": "INFO", "name": "launch", "text": text}
+        line = json.dumps(row) if json_lines() else f"[{utc_text(t_s)}] launch: {text}"
         if self._show is not None:
             self._show(line)
         with suppress(OSError), (self._folder / LOG).open("a") as file:
@@ -187,7 +190,7 @@ class Supervisor:
                 new = file.read(size - child.shown)
             whole, _, _ = new.rpartition(b"\n")
             for line in whole.decode(errors="replace").splitlines():
-                self._show(f"[{child.name}] {line}")
+                self._show(named(child.name, line))
             child.shown += len(whole) + 1 if whole else 0
         if self._bound(self._log(child)):
             child.shown = 0

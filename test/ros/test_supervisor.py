@@ -113,6 +113,26 @@ def test_a_log_of_any_length_stays_within_its_bound_and_every_line_is_shown(
     assert LOG_BYTES == 8 * 2**20
 
 
+def test_every_line_of_a_whole_station_is_one_object_with_its_node_where_json_is_chosen(
+    make: Callable[..., Supervisor], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The line of a node, what an interpreter prints, and the lines of the launch itself."""
+    monkeypatch.setenv("RF_POINTING_LOG", "json")
+    shown: list[str] = []
+    line = json.dumps({"t_s": 1.5, "level": "WARN", "name": "gs1.antenna_servo", "text": 'the "mode"'})
+    script = f"cat <<'E'\n{line}\nTraceback \"of\" C\n[1, 2]\nlast\nE\n{SLEEPS}"
+    one = make(show=shown.append, antenna_servo=script)
+    step_until(one, 0.0, lambda: any("last" in line for line in shown))
+    rows = [json.loads(line) for line in [*shown, *(tmp_path / "log" / LOG).read_text().splitlines()]]
+    assert all({"t_s", "level", "name", "text"} <= set(row) for row in rows)
+    of_node = [row for row in rows if row.get("process") == MOVES]
+    assert of_node[0] == {"process": MOVES, **json.loads(line)}
+    assert [(row["name"], row["text"]) for row in of_node[1:]] == [
+        (MOVES, text) for text in ('Traceback "of" C', "[1, 2]", "last")
+    ]  # fmt: skip
+    assert {row["name"] for row in rows if "process" not in row} == {"launch"}
+
+
 def test_a_disk_that_is_full_ends_nothing(
     make: Callable[..., Supervisor], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

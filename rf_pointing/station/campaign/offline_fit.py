@@ -27,7 +27,7 @@ from rf_pointing.calibration import (
     TrackedPass,
     systematic_errors,
 )
-from rf_pointing.calibration.fit_result import Nuisance
+from rf_pointing.calibration.fit_result import Nuisance, Prior
 from rf_pointing.calibration.outlying_passes import MEASURABLE_FROM
 from rf_pointing.calibration.pass_errors import SharedErrors, seen_from
 from rf_pointing.calibration.systematic_errors import SystematicError, WrongDataError
@@ -60,6 +60,9 @@ SETTLED_M = 100.0
 # So few passes cannot judge one of them by the others.
 FEWEST_TIMED = 4
 FEWEST_HELD_OUT = 4
+# With fewer rows of a table of offsets a wrong one does not show.
+FEWEST_ROWS = 3
+ANY_RAD = 0.5 * math.pi
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -127,13 +130,15 @@ class FitData:
     """Calibration points (None without any) and raw passes; `recorded` by the station itself.
 
     The station's own recordings have one clock, one site and one refraction.  `offered` are the
-    terms that few points can tell apart; () where the request decides.
+    terms that few points can tell apart; () where the request decides.  A choice has those of
+    `always`, whatever the data show.
     """
 
     points: Observations | None
     passes: Sequence[TrackedPass]
     recorded: bool = False
     offered: tuple[str, ...] = ()
+    always: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,6 +212,8 @@ class OfflineFit:
         notes += dict.fromkeys(note for one in passes for note in one.raw.notes)
         _refuse_wrong([systematic_errors.wrong_north(every, request.convergence_rad)])
         # Points alone are fitted once, and with `select` the terms need not be separable together.
+        if self._data.always and len(every) < FEWEST_ROWS:
+            raise ValueError(f"the table of offsets has {len(every)} rows, must have >= {FEWEST_ROWS}: add lines")
         if self._raw is None and request.select and not self._measures_orbit(every):
             result, kept = self._fit_of_chosen(every, PassPriors.of_orbit(request.orbit_prior_m or 0.0), None, None)
             return Fitted(result, None, every, stages, notes, [], kept)
@@ -392,8 +399,9 @@ class OfflineFit:
         names = self._request.terms
         held = {name: value for name, value in self._request.coefficients.items() if name not in names}
         chosen = calibration.select_terms(
-            points, names, held=held, pass_priors=orbit, about=full, shared=shared, nuisances=self._nuisances(points)
-        )
+            points, names, held=held, pass_priors=orbit, about=full, shared=shared, nuisances=self._nuisances(points),
+            always=self._data.always,
+        )  # fmt: skip
         result = self._fit_of(points, chosen.names, orbit, None, shared)
         return replace(result, covariance=result.covariance * np.outer(chosen.widening, chosen.widening)), chosen.kept
 
@@ -420,9 +428,13 @@ class OfflineFit:
         )  # fmt: skip
         return calibration.fit_bias_model(
             points, terms=names, held={name: 0.0 if name in offered else value for name, value in rest.items()},
-            priors=priors_near(base, names) if request.known else None, pass_priors=orbit, start=start, options=options,
-            shared=shared, nuisances=self._nuisances(points),
+            priors=priors_near(base, names) if request.known else self._wide(names), pass_priors=orbit, start=start,
+            options=options, shared=shared, nuisances=self._nuisances(points),
         )  # fmt: skip
+
+    def _wide(self, names: Sequence[str]) -> dict[str, Prior]:
+        """Return priors of what is fitted in any case: its sigma may be that of a wide beam."""
+        return {name: Prior(value=0.0, sigma=ANY_RAD) for name in names if name in self._data.always}
 
     def _at_its_site(
         self, result: FitResult, points: Observations, gain: float

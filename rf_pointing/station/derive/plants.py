@@ -16,17 +16,12 @@ the drive does not saturate to and fro.
 """
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 from rf_pointing.controllers import PositionLoopParams, dss13_loops
 from rf_pointing.controllers.position_loop import FEEDFORWARD_LAG_S
 from rf_pointing.core import AXES, leaves
 from rf_pointing.core.derived import Rows, Value, tuned
-from rf_pointing.core.parameters import flat
-from rf_pointing.drives.params import DriveParams
-from rf_pointing.drives.registry import takes_positions
 from rf_pointing.servo import AxisParams, PlantParams, dss13_plant
 from rf_pointing.station.antenna.loops import closed_loop_pole
 from rf_pointing.station.derive.axes import preprocessor
@@ -38,6 +33,7 @@ from rf_pointing.station.derive.band import (
     Band,
     drive_acceleration_deg_s2,
     encoder_bits,
+    takes_rates,
 )
 from rf_pointing.station.derive.watches import oscillation
 
@@ -80,10 +76,10 @@ def plant_and_loops(of: Band) -> tuple[Rows, Rows]:
         for axis, stop in zip(of.axes, of.stops_deg, strict=True)
     )
     plant = plant_of(structure, diameter, (azimuth, elevation), of.content.wind.mean_limit_m_s)
-    first = takes_rates(of.content.drive or {})
+    first = takes_rates(of.content.drive)
     if first:
         # What guards the gains of an operator, too, is a plant with the latency of the device.
-        dead_s = min(drive_latency_s(of), LONGEST_DEAD_S)
+        dead_s = min(of.rate_latency_s, LONGEST_DEAD_S)
         plant = plant.replace(
             azimuth=plant.azimuth.replace(drive_delay_s=dead_s), elevation=plant.elevation.replace(drive_delay_s=dead_s)
         )
@@ -93,9 +89,11 @@ def plant_and_loops(of: Band) -> tuple[Rows, Rows]:
         given = axis in AXES and last in AXIS_KEYS
         formula = f"{structure} structure of {diameter:g} m (plants.py)"
         rows[name] = Value(value, f"mount.{axis}.{AXIS_KEYS[last]}") if given else tuned(value, formula)
-    loops: dict[str, Rows | Value] = {"preprocessor": preprocessor(of), "oscillation": oscillation(of)}
+    laws = position_loops(structure, diameter, plant, first=first)
+    watch = oscillation(of, tuple(law.drive_lag_s for law in laws))
+    loops: dict[str, Rows | Value] = {"preprocessor": preprocessor(of), "oscillation": watch}
     formula = f"PI loop of a {structure} structure with a gain margin of 2"
-    for axis, own, loop in zip(AXES, of.axes, position_loops(structure, diameter, plant, first=first), strict=True):
+    for axis, own, loop in zip(AXES, of.axes, laws, strict=True):
         rate = f"mount.{axis}.rate_deg_s"
         if first:
             share = loop.proportional_gain * loop.drive_lag_s
@@ -107,18 +105,6 @@ def plant_and_loops(of: Band) -> tuple[Rows, Rows]:
 
 
 FIRST_LOOP = "until identify_antenna has measured it"
-
-
-def takes_rates(drive: Mapping[str, Any]) -> bool:
-    """Return whether a drive section names a device whose position loop this station closes."""
-    kind = str(drive.get("type", "simulated"))
-    return kind != "simulated" and not takes_positions(kind) and drive.get("model") != "position"
-
-
-def drive_latency_s(of: Band) -> float:
-    """Return the time from a command to the motion, as the description or its default says."""
-    given = flat(of.content.drive or {}).get("rotator.latency_s", DriveParams().rotator.latency_s)
-    return float(given)
 
 
 def wind_torque_n_m(diameter_m: float, speed_m_s: float) -> float:

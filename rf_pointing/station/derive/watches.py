@@ -1,6 +1,14 @@
-"""The watches over drives, encoders and loops: shares of what moves, steps and scans."""
+"""The watches over drives, encoders and loops: shares of what moves, steps and scans.
+
+A drive may be later than stated: `LATE` times its latency is no runaway, and 1.3 times the lag L of
+a loop no oscillation.  Where the acceleration a of a slew begins, such an axis loses
+(1.3 L)^2 a / 2, and then moves off at 0.3 L a until its gain k_p <= 0.2 / L takes it back:
+
+    at most  0.85 a L^2 + 0.3 L a / k_p = 2.4 a L^2,    counted as gross from CORNER a L^2 on
+"""
 
 import math
+from collections.abc import Sequence
 
 from rf_pointing.core.derived import Rows, rounded, tuned
 from rf_pointing.station.derive import axes
@@ -18,11 +26,15 @@ WAITS = ("rotator.minimum_interval_s", "rotator.latency_s", "link.poll_period_s"
 """From a set point to the reading that shows its motion, for a drive that takes positions."""
 
 
+LATE, CORNER = 1.5, 3.0
+
+
 def drive_watch(of: Band) -> Rows:
     """The watch over the drives."""
     hardest = max(map(drive_acceleration_deg_s2, of.axes))
     fastest = max(axis.rate_deg_s for axis in of.axes)
     stiff = of.structure == "stiff"
+    late_s = of.rate_latency_s
     bandwidth = STIFF_DRIVE_RAD_S if stiff else 20.0 * min(1.0, REFERENCE_M / of.wind_diameter_m)
     return {
         "bandwidth_hz": tuned(bandwidth / (2.0 * math.pi), "the rate loops'"),
@@ -32,7 +44,7 @@ def drive_watch(of: Band) -> Rows:
         "slack_deg_s2": tuned(0.15 * hardest, "0.15 of the acceleration"),
         "gained_deg_s": tuned(0.01 * hardest, "10 ms of the acceleration"),
         "excess_deg_s": tuned(0.25 * fastest, "a quarter of the rate"),
-    }
+    } | ({"delay_s": tuned(min(rounded(LATE * late_s), 1.0), "1.5 times the latency")} if late_s else {})
 
 
 def encoder_watch(of: Band) -> Rows:
@@ -61,13 +73,17 @@ def antenna_watch(of: Band) -> Rows:
     }
 
 
-def oscillation(of: Band) -> Rows:
-    """The watch over the position loops."""
+def oscillation(of: Band, lags_s: Sequence[float]) -> Rows:
+    """The watch over the position loops, whose drives have these lags."""
     swing = max(0.02, 4.0 * of.step_deg, 0.6 * SCAN_RADIUS * of.beamwidth_deg)
+    slew = rounded(CORNER * max(a * lag_s**2 for a, lag_s in zip(of.accelerations_deg_s2, lags_s, strict=True)))
     return {
         "threshold_deg": tuned(min(swing, 5.0), "0.02 deg, at least four steps and 0.6 of the scan radius"),
-        "gross_threshold_deg": tuned(min(2.5 * swing, 50.0), "2.5 times the smallest swing"),
-        "largest_deg": tuned(
-            min(max(0.5, 10.0 * swing), 50.0), "0.5 deg, at least ten times the smallest swing"
+        "gross_threshold_deg": tuned(
+            min(max(2.5 * swing, slew), 50.0), "2.5 times the smallest swing, at least 3 a L^2 of a slew"
         ),
-    }  # fmt: skip
+        "largest_deg": tuned(
+            min(max(0.5, 10.0 * swing, 2.0 * slew), 50.0),
+            "0.5 deg, at least ten times the smallest swing and 6 a L^2 of a slew",
+        ),
+    }

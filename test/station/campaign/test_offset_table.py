@@ -24,14 +24,14 @@ HEADER = "utc,target,azimuth_offset_deg,elevation_offset_deg"
 
 def planted(
     path: Path, truth: dict[str, float], rows: int, random: np.random.Generator, targets: list[str],
-    station: rp.Station = STATION, sigma: float = 0.02,
+    station: rp.Station = STATION, sigma: float = 0.02, *, stated: bool = True,
 ) -> Path:  # fmt: skip
-    """Write offsets of a mount with these terms (deg), each with this error (deg)."""
+    """Write offsets of a mount with these terms (deg), each with this error (deg), `stated` in a column or not."""
     model = BiasModel.from_degrees(dict(BiasModel.zero().coefficients) | truth)
     tracks = {name: TopocentricTrack(BODIES[name.casefold()](), station.site) for name in targets}
     with path.open("w", newline="") as file:
         writer = csv.writer(file)
-        writer.writerow([*HEADER.split(","), "sigma_deg"])
+        writer.writerow([*HEADER.split(","), *["sigma_deg"] * stated])
         while rows:
             name, t_s = targets[int(random.integers(len(targets)))], START_S + float(random.uniform(0.0, 86400.0))
             look = tracks[name].sample([t_s])
@@ -40,17 +40,25 @@ def planted(
             motion = (look.azimuth_rad, look.elevation_rad, *[np.zeros(1)] * 4)
             offset = np.degrees(model.offset_rad(*motion))[:, 0]
             found = offset + random.normal(0.0, sigma, 2) / (math.cos(float(look.elevation_rad[0])), 1.0)
-            writer.writerow([utc_text(t_s), name, *(f"{value:.4f}" for value in found), sigma])
+            writer.writerow([utc_text(t_s), name, *(f"{value:.4f}" for value in found), *[sigma] * stated])
             rows -= 1
     return path
 
 
-def test_two_offsets_come_back_from_a_handful_of_rows(tmp_path: Path, random: np.random.Generator) -> None:
+@pytest.mark.parametrize("stated", [True, False])
+def test_two_offsets_come_back_from_a_handful_of_rows(
+    tmp_path: Path, random: np.random.Generator, stated: bool
+) -> None:
+    """Whatever the beam is: rows without a sigma are taken for as good as a tenth of it, 3 deg."""
+    station = STATION if stated else rp.Station("vhf_uhf_yagi")
     truth = {"azimuth_offset": 0.5, "elevation_offset": -0.3}
-    found = rp.fit(planted(tmp_path / "a.csv", truth, 6, random, ["Sun", "Moon"]), STATION)
+    found = rp.fit(planted(tmp_path / "a.csv", truth, 3 + 3 * stated, random, ["Sun", "Moon"], stated=stated), station)
     assert set(found.result.names) == set(truth)
     for name, value in truth.items():
         assert math.degrees(found.model.coefficients[name]) == pytest.approx(value, abs=0.05)
+    few = planted(tmp_path / "b.csv", truth, 2, random, ["Sun"], stated=stated)
+    with pytest.raises(ValueError, match="2 rows, must have >= 3"):
+        rp.fit(few, STATION)
 
 
 def test_a_tilted_mount_is_found_where_the_rows_show_it(tmp_path: Path, random: np.random.Generator) -> None:
