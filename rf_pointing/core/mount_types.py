@@ -12,9 +12,8 @@ LOWER_AXES = ("east_west", "north_south")
 class MountType(NamedTuple):
     """Names of the lower and upper axis, the keys that the mount needs, and `further` ones.
 
-    A `polar` one needs its latitude; its lower axis turns the other way than azimuth does where it
-    is `reversed_by` its direction.  `leans` are the terms by which the lower axis is off, about the
-    mount's right and about its ahead (`calibration/terms.py`).
+    A `polar` one needs its latitude.  A lower axis turns against azimuth where `reversed_by` its
+    direction; `leans`: how it is off, about the mount's right and ahead (`calibration/terms.py`).
     """
 
     axes: tuple[str, str]

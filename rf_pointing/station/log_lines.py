@@ -11,7 +11,6 @@ import sys
 import time
 
 _CHOSEN = "RF_POINTING_LOG"
-_CHOICES = ("", "text", "json")
 ROS_FORMAT = '{"t_s": {time}, "level": "{severity}", "name": "{name}", "text": "{message}"}'
 """Lines of rcutils, which knows no quoting: texts come `quoted`."""
 
@@ -19,7 +18,7 @@ ROS_FORMAT = '{"t_s": {time}, "level": "{severity}", "name": "{name}", "text": "
 def json_lines() -> bool:
     """Return whether lines of JSON are wanted; ValueError for an unknown word."""
     chosen = os.environ.get(_CHOSEN, "")
-    if chosen not in _CHOICES:
+    if chosen not in ("", "text", "json"):
         raise ValueError(f"{_CHOSEN}={chosen!r} must be text or json")
     return chosen == "json"
 
@@ -27,23 +26,6 @@ def json_lines() -> bool:
 def quoted(text: str) -> str:
     """Return a text as it stands between the quotes of a JSON string."""
     return json.dumps(text)[1:-1]
-
-
-def named(name: str, line: str) -> str:
-    """Return a line of a program's log with its name, as one object where that is chosen.
-
-    A line that is an object already keeps its members: its own name, and `process` in front of it.
-    """
-    if not json_lines():
-        return f"[{name}] {line}"
-    try:
-        members = json.loads(line)
-        known = isinstance(members, dict)
-    except ValueError:
-        known = False
-    # What an interpreter or a library prints: a traceback, a line of C.
-    row = members if known else {"t_s": time.time(), "level": "INFO", "name": name, "text": line}
-    return json.dumps({"process": name} | row)
 
 
 def say(program: str, text: str, level: str = "INFO") -> None:

@@ -19,6 +19,7 @@ from rf_pointing.station.derive.band import (
     Band,
     drive_acceleration_deg_s2,
 )
+from rf_pointing.station.derive.rate_drive import rate_latency_s
 from rf_pointing.station.pointing.antenna_watch import AntennaWatchParams
 from rf_pointing.tracking.scan import SCAN_RADIUS
 
@@ -34,7 +35,7 @@ def drive_watch(of: Band) -> Rows:
     hardest = max(map(drive_acceleration_deg_s2, of.axes))
     fastest = max(axis.rate_deg_s for axis in of.axes)
     stiff = of.structure == "stiff"
-    late_s = of.rate_latency_s
+    late_s = rate_latency_s(of.content.drive)
     bandwidth = STIFF_DRIVE_RAD_S if stiff else 20.0 * min(1.0, REFERENCE_M / of.wind_diameter_m)
     return {
         "bandwidth_hz": tuned(bandwidth / (2.0 * math.pi), "the rate loops'"),
