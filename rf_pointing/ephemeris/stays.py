@@ -89,6 +89,7 @@ class SkyMotion:
         place = (t_s - self.start_t_s) / self.step_s
         row = self._owners(place)
         place = place - row * (self.count + 1)
+        # Rounding may put a first time before its step, and a last one behind it.
         node = np.minimum(np.maximum(place, 0.0).astype(np.int64), self.count - 1)
         here = self.coefficients[:, :, row * self.count + node]
         return list(np.einsum("okn,kcn->ocn", self._bases(place - node, orders), here))
@@ -201,6 +202,7 @@ def stays_above(motion: SkyMotion, sine: float, step_s: float) -> Stays:
     around = (grid[turns], grid[turns + 1]), (rate[turns], rate[turns + 1])
     turning, turned = _turning(motion, *around)
     peaks = turning[rate[turns] > 0.0]
+    # Grid and turning points in time order: between two of them the height is monotonic.
     knots, over = np.empty((2, len(grid) + len(turns)))
     new = np.zeros(len(knots), dtype=bool)
     new[turns + 1 + np.arange(len(turns))] = True
@@ -228,6 +230,7 @@ def _turning(motion: SkyMotion, ends: Pairs, rates: Pairs) -> tuple[Array, Array
         at = np.minimum(np.maximum(at - step_s, low), high)
         astray = np.abs(step_s) >= _SETTLED_S
         if not np.any(astray):
+            # The last step changes the height by half of what its slope alone would.
             return at, height - 0.5 * step_s * rate
     at[astray] = roots_between(
         lambda t_s: motion.height(t_s, 2)[1], low[astray], high[astray], _TIME_TOLERANCE_S,

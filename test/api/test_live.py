@@ -21,24 +21,16 @@ from rf_pointing.ros.experiment_run import EndedEarlyError
 from rf_pointing.ros.graph import ARRAY_NODES, DRIVE_NODES, NODES
 from rf_pointing.ros.managed_graph import NotStartedError
 from rf_pointing.station.description import read_station
+from test.api.test_live_requests import REAL, changed
 from test.ros.fake_station import FakeStation, fake
 
 __all__ = ["fake"]
-
-REAL = {"drive.type": "hamlib", "wind.anemometer": False}
 
 
 @pytest.fixture(autouse=True)
 def in_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
-
-
-def changed(tmp_path: Path, changes: dict[str, Any], like: str = "dss13") -> str:
-    """Return the option of a station that differs in `changes` by key."""
-    path = tmp_path / "mine.yaml"
-    read_station(like).write(path, changes)
-    return f"--station {path}"
 
 
 def request(line: str) -> Any:

@@ -4,6 +4,7 @@ import math
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
+from contextlib import ExitStack, closing
 from itertools import pairwise
 from types import SimpleNamespace
 from typing import Any
@@ -22,15 +23,8 @@ GOAL_RAD = (math.radians(150.0), math.radians(60.0))
 
 @pytest.fixture
 def bench() -> Iterator[Callable[..., Bench]]:
-    made: list[Bench] = []
-
-    def make(*args: object, **changes: object) -> Bench:
-        made.append(Bench(*args, **changes))
-        return made[-1]
-
-    yield make
-    for each in made:
-        each.close()
+    with ExitStack() as until_the_end:
+        yield lambda *args, **changes: until_the_end.enter_context(closing(Bench(*args, **changes)))
 
 
 @pytest.mark.parametrize("name", BOTH_AXES)

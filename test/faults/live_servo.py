@@ -46,7 +46,7 @@ class Servo:
         params = CommandKeyParams(command_key_file=key)
         self.caller = Caller(live.node, CommandKey(params))
         self.live, self.status, self.joints = live, AntennaStatus(), []
-        self.simulated, self.wind_m_s = simulated, 3.0
+        self.simulated = simulated
         self.said: dict[str, str] = {}
         self.commanders = DiagnosticStatus()
         self.seen: list[AntennaStatus] = []
@@ -142,17 +142,16 @@ class Servo:
         """Mend, reset and stand again, for the next fault."""
         if self.simulated:
             self.inject("none")
-        self.wind_m_s = 3.0
         self.mode("fault", "holding")
         self.until(lambda: self._reset() in ("", "no fault is latched"), "the reset")
         self.until(lambda: self.status.mode == "holding" and not self.status.fault, "the reset")
         self.base_rad, self.begun_s = self.joints[-1], None
 
     def _blow(self) -> None:
-        """Publish the reading of the station's anemometer five times a second; NaN: it is silent."""
-        if round(self.now_s / 0.02) % 10 == 0 and self.wind_m_s == self.wind_m_s:
+        """Publish the reading of the station's anemometer five times a second."""
+        if round(self.now_s / 0.02) % 10 == 0:
             message = Vector3Stamped()
-            message.header.stamp, message.vector.x = stamp_from_seconds(self.now_s), self.wind_m_s
+            message.header.stamp, message.vector.x = stamp_from_seconds(self.now_s), 3.0
             self.wind.publish(message)
 
     def _reset(self) -> str:

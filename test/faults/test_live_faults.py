@@ -1,4 +1,4 @@
-"""Faults of commands, sensors, drive, wind, clock and process on one live antenna_servo; each test mends what it broke.
+"""Faults of commands, sensors, drive, clock and process on one live antenna_servo; each test mends what it broke.
 
 They run on the simulated drive, where time follows the servo tick by tick, so that what is measured is what its own
 control loop saw on any machine; and in real time on the real rotctld, but for these: faults that are injected into
@@ -97,18 +97,6 @@ def simulated(on_simulated: Servo) -> Servo:
 
 
 # Commands
-
-
-def test_commands_that_cannot_be_followed_move_nothing(everywhere: Servo) -> None:
-    """NaN, unknown joint, stale and future stamps."""
-    servo = everywhere
-    accepted, stood = servo.status.commands_accepted, servo.joints[-1]
-    servo.rejected(servo.command(positions=[math.nan, 1.0]), "must be finite")
-    servo.rejected(servo.command(joints=("azimuth", "polarisation")), "unknown joint polarisation")
-    servo.rejected(servo.command(shift_s=-5.0), "stale")
-    servo.rejected(servo.command(shift_s=100.0), "future")
-    assert servo.status.commands_accepted == accepted
-    assert servo.joints[-1] == pytest.approx(stood, abs=math.radians(0.001))
 
 
 def test_the_second_of_two_commanders_is_refused_and_both_are_named(everywhere: Servo) -> None:
@@ -247,42 +235,6 @@ def test_a_broken_sensor_or_drive_is_cut_off_in_time(
     assert took_s <= within_s + ROUNDING_S
     if fault == "encoder_nan":
         assert "the cause is still there" in servo.ask("reset_fault").message
-
-
-# Limits and wind
-
-
-def test_soft_limit_and_horizon_refuse_with_the_number(everywhere: Servo) -> None:
-    servo = everywhere
-    servo.rejected(servo.command(positions=[math.radians(230.0), 1.0]), "past the limit")
-    servo.rejected(servo.command(positions=[math.radians(170.0), 0.5]), "below the horizon mask")
-
-
-def test_a_gust_and_a_silent_anemometer_make_it_stow(servo: Servo) -> None:
-    servo.move(0.3)
-    blow(servo, "gust", 120.0)
-    while servo.status.mode == "tracking":
-        servo.move(0.2)
-    assert servo.status.mode == "stowing", servo.status.fault
-    servo.rejected(servo.command(), "the antenna is stowing; resume it first")
-    servo.ask("stop")
-    servo.mode("fault")
-    blow(servo, "none", 3.0)
-    servo.clock.run(4.0)
-    servo.recover()
-    blow(servo, "anemometer_silent", math.nan)
-    servo.mode("stowing")
-    servo.ask("stop")
-    servo.mode("fault")
-    blow(servo, "none", 3.0)
-    servo.clock.run(1.0)
-
-
-def blow(servo: Servo, fault: str, speed_m_s: float) -> None:
-    """Let the anemometer show it: by an injected fault, or by what it publishes."""
-    if servo.simulated:
-        servo.inject(fault, speed_m_s if fault == "gust" else 0.0)
-    servo.wind_m_s = speed_m_s
 
 
 # Clock and process

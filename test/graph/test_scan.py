@@ -64,12 +64,6 @@ def test_the_sun_is_refused_with_its_angle_and_nothing_moves(station: SimpleName
     assert "from the Sun, must be >=" in done.stderr
 
 
-def test_a_scan_faster_than_the_axes_is_refused_by_its_number(station: SimpleNamespace) -> None:
-    done = operate(station, "scan", "Moon", "--rate", "8")
-    assert done.returncode == 1
-    assert "the scan needs 8 deg/s of rate, the axes are planned with 5.13" in done.stderr
-
-
 def test_the_moon_gives_the_errors_of_the_mount_and_the_noise_of_the_station(station: SimpleNamespace) -> None:
     output: Path = station.folder / "scans"
     done = operate(

@@ -65,11 +65,6 @@ def test_the_exit_code_is_one_where_a_row_is_not_accepted(monkeypatch: pytest.Mo
         assert run("satcal") == code
 
 
-def test_one_trial_and_one_worker_are_enough(asked: dict[str, Any]) -> None:
-    assert run("doa", "--trials", "1", "--workers", "1") == 0
-    assert asked["trials"] == 1
-
-
 def test_sweeps_go_to_the_dask_scheduler_asked_for(asked: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
     clients: list[str] = []
 

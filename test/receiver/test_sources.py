@@ -7,7 +7,7 @@ import struct
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import suppress
+from contextlib import ExitStack, closing, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -120,16 +120,14 @@ class Line:
 
 @pytest.fixture
 def line() -> Iterator[Callable[..., Line]]:
-    made: list[Line] = []
+    with ExitStack() as until_the_end:
 
-    def make(*args: Any, **named: Any) -> Line:
-        made.append(Line(*args, **named))
-        made[-1].connect()
-        return made[-1]
+        def make(*args: Any, **named: Any) -> Line:
+            made = until_the_end.enter_context(closing(Line(*args, **named)))
+            made.connect()
+            return made
 
-    yield make
-    for each in made:
-        each.close()
+        yield make
 
 
 def levels(line: Line, since_s: float = 1.0) -> list[float]:

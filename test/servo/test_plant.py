@@ -74,13 +74,6 @@ def test_copied_state_continues_identically() -> None:
     np.testing.assert_array_equal(first.state.x, second.state.x)
 
 
-def test_a_copied_state_is_not_changed_by_further_motion() -> None:
-    antenna = plant()
-    kept = antenna.state
-    antenna.step((1e-3, 1e-3), CALM, 0.02)
-    assert not np.any(kept.x[2:])
-
-
 def test_rate_and_acceleration_stay_within_the_drive_limits() -> None:
     antenna = plant()
     rates = [antenna.velocity_rad_s]
@@ -271,10 +264,6 @@ def test_dead_times_of_both_axes_count_each_for_itself_and_old_commands_are_forg
         np.testing.assert_allclose(np.array(rates)[:, axis], np.array(expected)[:, axis], atol=1e-15)
     # Those of the last 50 ms, and the one before them that is in force on the slower axis.
     assert longest == 6
-
-
-def test_an_antenna_that_is_put_nowhere_looks_north_at_45_degrees() -> None:
-    np.testing.assert_array_equal(plant().state.x[:2], (0.0, math.pi / 4.0))
 
 
 def test_an_encoder_reads_the_joint_plus_sigma_times_what_the_generator_gives() -> None:

@@ -16,6 +16,13 @@ def blocks(snr_db: list[float], theta: list[float], phi: list[float], count: int
     return [source.step(0.25 * k, direction_from_polar(theta, phi), np.array(snr_db)) for k in range(count)]
 
 
+def score(found, truth: np.ndarray) -> float:
+    """Return the square of the error of a direction in units of its covariance; its mean is 2."""
+    across = polar_basis(found.direction)[:2]
+    error = across @ (found.direction - truth)
+    return error @ np.linalg.solve(across @ found.covariance_rad2 @ across.T, error)
+
+
 @pytest.mark.parametrize("theta", [0.02, 0.9])
 def test_errors_agree_with_the_covariance_near_and_far_from_the_normal(theta: float) -> None:
     truth = direction_from_polar(theta, 2.0)
@@ -24,9 +31,7 @@ def test_errors_agree_with_the_covariance_near_and_far_from_the_normal(theta: fl
     for block in blocks([0.0], [theta], [2.0], 400):
         (found,) = estimator.estimate(block)
         assert found.valid
-        across = polar_basis(found.direction)[:2]
-        error = across @ (found.direction - truth)
-        scores.append(error @ np.linalg.solve(across @ found.covariance_rad2 @ across.T, error))
+        scores.append(score(found, truth))
     assert np.mean(scores) == pytest.approx(2.0, abs=0.3)
 
 
@@ -108,9 +113,7 @@ def test_excluded_elements_leave_an_honest_direction(coupled: bool) -> None:
         block.snapshots[3], block.snapshots[8] = 0.0, 100.0 * block.snapshots[0]
         (found,) = estimator.estimate(block)
         assert found.valid
-        across = polar_basis(found.direction)[:2]
-        error = across @ (found.direction - truth)
-        scores.append(error @ np.linalg.solve(across @ found.covariance_rad2 @ across.T, error))
+        scores.append(score(found, truth))
     assert np.mean(scores) == pytest.approx(2.0, abs=0.5)
 
 

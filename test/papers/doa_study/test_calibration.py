@@ -1,7 +1,5 @@
 """Gains and coupling from pilots: exact ones give them back, and what pilots do not determine is named."""
 
-from typing import Any
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -70,19 +68,3 @@ def test_the_band_of_one_run_of_one_dimension_and_its_limits() -> None:
     for confidence in (1.1e-6, 1.0 - 1.1e-6):
         low, high = nees_band(2, 3, confidence)
         assert low < high
-
-
-def test_consistency_is_flown_for_400_s_and_a_start_for_30_s_after_the_hand_off(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    asked: list[Any] = []
-
-    def scene(duration_s: float, start_s: float) -> None:
-        asked.append((duration_s, start_s))
-        raise InterruptedError
-
-    monkeypatch.setattr(beyond, "nadir_scene", scene)
-    for study in (beyond.mean_nees, beyond.any_start_error_deg):
-        with pytest.raises(InterruptedError):
-            study(1, 1)
-    assert asked == [(400.0, 400.0), (355.0, 300.0)]

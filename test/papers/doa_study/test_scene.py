@@ -37,8 +37,3 @@ def test_time_without_a_station_in_view_is_refused() -> None:
 def test_a_scene_shorter_than_a_second_or_longer_than_the_papers_is_refused(duration_s: float) -> None:
     with pytest.raises(ValueError, match="duration_s="):
         nadir_scene(duration_s)
-
-
-def test_a_second_has_four_steps() -> None:
-    assert nadir_scene(1.0, start_s=50.0).t_s == pytest.approx([50.0, 50.25, 50.5, 50.75])
-    assert len(nadir_scene(1.24).t_s) == 5

@@ -3,6 +3,7 @@
 import math
 import re
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack, closing
 
 import numpy as np
 import pytest
@@ -24,15 +25,8 @@ SERIAL = ["gs232", "easycomm 2", "spid rot2"]
 
 @pytest.fixture
 def driven() -> Iterator[Callable[..., Driven]]:
-    made: list[Driven] = []
-
-    def make(*args: object, **changes: object) -> Driven:
-        made.append(Driven(*args, **changes).enabled())
-        return made[-1]
-
-    yield make
-    for each in made:
-        each.close()
+    with ExitStack() as until_the_end:
+        yield lambda *args, **changes: until_the_end.enter_context(closing(Driven(*args, **changes))).enabled()
 
 
 # Slews

@@ -63,12 +63,6 @@ def test_every_term_of_the_model_has_its_parameter_in_satcal_order() -> None:
     assert [name.rsplit("_", 1)[0] for name in names] == [term.name for term in TERMS]
 
 
-@pytest.mark.parametrize("name", ["azimuth_offset_rad", "elevation_velocity_lag_s"])
-def test_a_coefficient_beyond_its_range_is_refused_by_name(name: str) -> None:
-    with pytest.raises(ValueError, match=f"^{name}=11.0 must be <="):
-        MountParams(**{name: 11.0})
-
-
 @pytest.mark.parametrize("order", [1, 2, 3])
 def test_an_averaged_rate_is_the_rate_of_the_averaging_time_before_up_to_its_third_derivative(order: int) -> None:
     """rate = t^order: the average is rate - T rate', without a term of the second derivative, + T^3 of the third."""
