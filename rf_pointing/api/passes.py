@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rf_pointing.api.target import Target
-from rf_pointing.calibration import BiasModel, ReferenceTrack
+from rf_pointing.calibration import BiasModel
 from rf_pointing.core import to_degrees
 from rf_pointing.core.dates import DAY_S, utc_text
 from rf_pointing.core.kinematics import LEVEL
@@ -192,7 +192,8 @@ class Look:
             look.azimuth_acceleration_rad_s2, look.elevation_acceleration_rad_s2,
         )  # fmt: skip
         # What is corrected are the angles of the axes, the lower one under the name of azimuth.
-        axes = ReferenceTrack.of(track.sample([t_s, t_s + 1.0])).on(model.mount or LEVEL).motion()
+        position, rate, bend = (np.column_stack(motion[k : k + 2]) for k in (0, 2, 4))
+        axes = np.concatenate((model.mount or LEVEL).to_axes(position, rate, bend), axis=1).T
         rows = np.degrees([*motion[:4], *model.offset_rad(*axes)])[:, 0].tolist()
         azimuth, elevation, azimuth_rate, elevation_rate, azimuth_correction, elevation_correction = rows
         return cls(

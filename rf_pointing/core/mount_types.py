@@ -7,6 +7,7 @@ from rf_pointing.core.signals import AXES
 
 AZIMUTH_ELEVATION = "azimuth_elevation"
 LOWER_AXES = ("east_west", "north_south")
+HOURS = ("hour_angle", "declination")
 
 
 class MountType(NamedTuple):
@@ -30,9 +31,7 @@ MOUNTS: Mapping[str, MountType] = {
         ("x", "y"), ("lower_axis",), reversed_by=LOWER_AXES[1], leans=("axis_level", "axis_heading")
     ),
     # Hour angle positive to the west, declination to the north.
-    "ha_dec": MountType(
-        ("hour_angle", "declination"), polar=True, leans=("polar_altitude", "polar_azimuth")
-    ),
+    "ha_dec": MountType(HOURS, polar=True, leans=("polar_altitude", "polar_azimuth")),
     "azimuth_elevation_tilt": MountType(AXES, ("tilt_deg",), ("train_deg", "train_rate_deg_s")),
 }
 """Every mount by the word of a station description."""
