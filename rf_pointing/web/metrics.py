@@ -190,9 +190,7 @@ def _tracking(live: Mapping[str, Any]) -> list[Family]:
 
 
 def _night(kept: Mapping[str, Any]) -> list[Family]:
-    executive, states = kept.get("executive", {}), dict[str, float]()
-    for row in kept.get("schedule", ()):
-        states[row["state"]] = states.get(row["state"], 0.0) + 1.0
+    executive = kept.get("executive", {})
     alarms = [
         (
             {"alarm": each["name"], "level": ("ok", "warning", "error")[min(each["level"], 2)]},
@@ -201,7 +199,13 @@ def _night(kept: Mapping[str, Any]) -> list[Family]:
         for each in executive.get("alarms", ())
     ]
     return [
-        _gauge("schedule_passes", "", "Passes of the schedule by their state.", "state", states),
+        _gauge(
+            "schedule_passes",
+            "",
+            "Passes of the schedule by their state.",
+            "state",
+            kept.get("schedule_states", {}),
+        ),
         Family("alarm_lasts", "", "Alarms that last: 1 not acknowledged, 2 acknowledged.", alarms),
         Family("alarms_lasting", "", "How many alarms last.", [({}, len(alarms))]),
     ]
