@@ -84,7 +84,11 @@ def board_metrics(
             Family("elements_age", "seconds", "Age of the elements of the selected target.", age)
         )
     if "executive" in fresh:
-        families += [*_night(kept), *_alarms(kept["executive"]["alarms"])]
+        states = kept.get("schedule_states", {})
+        families.append(
+            _gauge("schedule_passes", "", "Passes of the schedule by their state.", "state", states)
+        )
+        families += _alarms(kept["executive"]["alarms"])
     else:
         # Without an executive station_alarms raises them, and shows them as a check of its own.
         checks = {
@@ -197,15 +201,6 @@ def _tracking(live: Mapping[str, Any]) -> list[Family]:
     return [
         *found,
         *(Family(name, unit, words, [({}, value)]) for name, unit, words, value in rows),
-    ]
-
-
-def _night(kept: Mapping[str, Any]) -> list[Family]:
-    states = dict[str, float]()
-    for row in kept.get("schedule", ()):
-        states[row["state"]] = states.get(row["state"], 0.0) + 1.0
-    return [
-        _gauge("schedule_passes", "", "Passes of the schedule by their state.", "state", states)
     ]
 
 

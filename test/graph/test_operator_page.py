@@ -218,7 +218,9 @@ def test_a_pass_is_tracked_from_the_page(page: Browser) -> None:
     page.until(lambda: "accepted" in page.text("#certificate"), "its certificate")
     page.until(lambda: page.text("#countdown").count(":") == 1, "the countdown")
     page.until(lambda: page.station.tracking.held and "held" in page.text("#held"), "the held target", 60.0)
-    page.until(lambda: page.text("#carrier") != "no carrier", "the carrier")
+    unit = page.driver.find_element(By.CSS_SELECTOR, "#carrier + small")
+    assert not unit.is_displayed() or page.text("#carrier") != "no carrier"
+    page.until(lambda: page.text("#carrier") != "no carrier" and unit.is_displayed(), "the carrier with its unit")
     drawn = page.driver.find_element(By.ID, "sky-track").get_attribute("d")
     assert drawn.count("L") > 20
 

@@ -14,7 +14,16 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rcl_interfaces.srv import GetParameters
 from rclpy.parameter import Parameter
 from rclpy.serialization import serialize_message
-from rf_pointing_msgs.msg import AntennaStatus, ExecutiveStatus, Pass, PassList, PassProfile, StationInUse
+from rf_pointing_msgs.msg import (
+    AntennaStatus,
+    ExecutiveStatus,
+    Pass,
+    PassList,
+    PassProfile,
+    Schedule,
+    ScheduledPass,
+    StationInUse,
+)
 
 from rf_pointing.nodes.operator_page import OperatorPage
 from rf_pointing.ros.diagnostics import ERROR
@@ -22,6 +31,7 @@ from rf_pointing.ros.stamps import stamp_from_seconds
 from rf_pointing.station.clients.board import READ
 from rf_pointing.station.description import read_station
 from rf_pointing.web.page_server import PageApp, PageServer, shown
+from rf_pointing.web.metrics import exposition
 from test.nodes.test_hostile_messages import fill, mutated
 
 PAYLOADS, SHOWN_EVERY = 1000, 25
@@ -53,6 +63,15 @@ def put(monkeypatch: pytest.MonkeyPatch) -> list[dict[str, Any]]:
     monkeypatch.setattr(PageServer, "put", lambda _, values: sections.append(values))
     monkeypatch.setattr(PageApp, "viewers", property(lambda _: 1))
     return sections
+
+
+@pytest.fixture
+def scraped(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Return what /metrics shows, once for each time that it is measured."""
+    texts: list[str] = []
+    measure = property(lambda _: None, lambda _, measured: texts.append(exposition(measured[1])))
+    monkeypatch.setattr(PageApp, "measured", measure, raising=False)
+    return texts
 
 
 @pytest.fixture
@@ -165,3 +184,13 @@ def test_a_shown_pass_is_tracked_and_what_cannot_be_shown_takes_no_command_with_
     (goal,) = page.clients["track_pass"].requests
     assert (goal.target_pass.target, goal.sensor) == ("b1", "auto")
     assert answers == [(False, "the goal was refused")]
+
+
+def test_metrics_count_every_pass_of_a_schedule_that_the_page_shows_in_part(scraped: list[str], page: Any) -> None:
+    states = ["tracked"] * 300 + ["waiting"] * 200
+    page.give("executive_status", ExecutiveStatus(state="running"))
+    page.give("schedule", Schedule(passes=[ScheduledPass(id=f"p{n}", state=each) for n, each in enumerate(states)]))
+    page.wait(1.1)
+    page.turn()
+    counts = [line for line in scraped[-1].splitlines() if line.startswith("rf_pointing_schedule_passes{")]
+    assert [line.split("{")[1] for line in counts] == ['state="tracked"} 300.0', 'state="waiting"} 200.0']

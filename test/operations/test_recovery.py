@@ -1,6 +1,7 @@
 """The recovery table as a file that a station may change, and what it makes of what is seen."""
 
 import json
+import re
 from typing import Any
 
 import pytest
@@ -387,3 +388,43 @@ def test_what_a_lost_drive_leaves_is_reset_after_every_outage(outages: list[int]
                 assert k <= lasts_s + 3
                 fault = ""
         assert fault == ""
+
+
+SEEN = {
+    "antenna.fault": "azimuth encoder jumped by 0.400 deg", "servo.silent_s": 31.25, "recorder.missing_s": 31.25,
+    "drive.problem": "no answer", "antenna.high_wind": "gust 26.0 m/s, limit 25.0 m/s", "tracking.target": "NOAA 19",
+    "tracking.held": False, "tracking.seconds_lost": 12.5, "tracking.mode": "coast", "tracking.reason": "no carrier",
+    "pass.refused": "elevation below the horizon", "next.missing": "no drive", "next.in_s": 30.0, "next.name": "METEOR",
+    "next.due": "in 30 s", "radio.failed": "the radio does not answer", "executive.lost": "no executive_status for 9 s",
+    "mail.not_sent": "connection refused", "clocks.offset_ms": 9e5, "clocks.problem": "the clocks differ by 900 s",
+    "antenna.sun_margin_rad": -0.01, "antenna.sun": "the Sun reaches the beam in 280 s",
+    "computer.memory_free_mb": 1.0, "disk.free_gb": 0.01, "elements.age_h": 9e3, "elements.target": "NOAA 19",
+    "executive.problem": "No space left on device",
+}  # fmt: skip
+SHIPPED = read_tables(AlarmParams()).recovery
+
+
+@pytest.mark.parametrize("cause", SHIPPED.causes, ids=lambda cause: cause.name)
+def test_every_text_of_the_shipped_table_is_filled_in_by_what_is_seen(cause: Cause) -> None:
+    """Text, request and what makes it another message: nothing is unknown, and no place is left open."""
+    holds_off = {each.attribute for each in cause.unless}
+    named = re.findall(r"{([\w.*]+)}", f"{cause.text} {cause.ask}")
+    seen, book = ExpectedState(), AlarmBook(lambda *_: None, 600.0)
+    recovery = Recovery(RecoveryTable((cause,), SHIPPED.actions), seen, book, acts=False)
+    for t_s in (0.0, 1e5):
+        for name, value in SEEN.items():
+            if name not in holds_off:
+                seen.observe(name, value, t_s)
+        recovery.step(t_s)
+    assert len(book.lasting) == 1
+    (alarm,) = book.lasting
+    assert not re.search(r"[{}$]|unknown", f"{alarm.message} {alarm.ask}")
+    for name in named:
+        value = alarm.name.split()[-1] if name == "device" else SEEN[next(k for k in SEEN if fits(name, k))]
+        shown = f"{value:.4g}" if isinstance(value, float) else str(value)
+        assert shown in f"{alarm.message} {alarm.ask}", name
+
+
+def fits(name: str, attribute: str) -> bool:
+    """Return whether an attribute is the named one, of any device for `*`."""
+    return attribute == name or (name.startswith("*.") and attribute.endswith(name[1:]))

@@ -25,7 +25,7 @@ LIVE = {
 KEPT: dict[str, Any] = {
     "station": {"name": 'Mine "A"', "band": "X"},
     "executive": {"alarms": [{"name": "lost_node", "level": 2, "acknowledged": True}]},
-    "schedule": [{"state": "tracked"}, {"state": "waiting"}, {"state": "tracked"}],
+    "schedule_states": {"tracked": 2, "waiting": 1},
 }
 NODES = [{"name": "antenna_servo", "silent_s": 0, "checks": [["state", 0, "active"], ["clock", 1, "late"]]}]
 SOURCES = ("antenna", "tracking", "target", "executive")

@@ -332,6 +332,7 @@ function showAxes(live) {
 function showCarrier(live) {
   const value = live.carrier_to_noise_db_hz, known = Number.isFinite(value) && value > 0 && (live.age_s.tracking ?? 99) < STALE_S;
   byId("carrier-card").classList.toggle("folded", !live.carrier_seen);
+  byId("carrier").nextElementSibling.hidden = !known;
   write("carrier", known ? fixed(value, 1) : live.carrier_seen ? "no carrier" : "");
   const last = strip.length ? strip[strip.length - 1] : [-Infinity];
   if (live.t_s < last[0]) strip = [];

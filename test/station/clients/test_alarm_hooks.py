@@ -75,6 +75,13 @@ class Mailbox(socketserver.StreamRequestHandler):
     mails: ClassVar[list[str]] = []
     logins: ClassVar[list[str]] = []
     tls: ClassVar[ssl.SSLContext | None] = None
+    at_once: ClassVar[bool] = False
+    """Whether the connection is encrypted before the first word."""
+
+    def setup(self) -> None:
+        if self.at_once and self.tls is not None and not isinstance(self.request, ssl.SSLSocket):
+            self.request = self.tls.wrap_socket(self.request, server_side=True)
+        super().setup()
 
     def finish(self) -> None:
         super().finish()
@@ -122,12 +129,14 @@ def test_a_program_gets_the_message_on_its_input_and_no_shell_reads_it(tmp_path:
     }  # fmt: skip
 
 
-@pytest.mark.parametrize("secure", [False, pytest.param(True, marks=needs_openssl)])
+@pytest.mark.parametrize(
+    "secure", ["", pytest.param("starttls", marks=needs_openssl), pytest.param("tls", marks=needs_openssl)]
+)
 def test_an_e_mail_reaches_its_server_with_what_to_do(
-    secure: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    secure: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Of a station whose name ends in a newline, too; with TLS and a login where it is asked for."""
-    Mailbox.mails, Mailbox.logins, secret = [], [], tmp_path / "secret"
+    Mailbox.mails, Mailbox.logins, Mailbox.at_once, secret = [], [], secure == "tls", tmp_path / "secret"
     own: dict[str, Any] = {}
     if secure:
         certificate, key = tmp_path / "localhost.pem", tmp_path / "key.pem"
@@ -137,7 +146,7 @@ def test_an_e_mail_reaches_its_server_with_what_to_do(
         Mailbox.tls.load_cert_chain(certificate, key)
         monkeypatch.setenv("SSL_CERT_FILE", str(certificate))
         secret.write_text("pass word\n")
-        own = {"mail_tls": "starttls", "mail_user": "dish", "mail_password_file": str(secret)}
+        own = {"mail_tls": secure, "mail_user": "dish", "mail_password_file": str(secret)}
     with serving(socketserver.ThreadingTCPServer(("127.0.0.1", 0), Mailbox)) as port:
         params = HookParams(mail_server=f"localhost:{port}", mail_to="Night <night@example.org>", retry_s=0.1, **own)
         hooks = AlarmHooks(params, "Dish\n")
@@ -151,7 +160,7 @@ def test_an_e_mail_reaches_its_server_with_what_to_do(
     assert "Subject: Dish: full_disk raised (warning)" in mail
     assert "To: Night <night@example.org>" in mail
     assert "to_do: free space" in mail
-    assert Mailbox.logins == ["\0dish\0pass word"] * secure
+    assert Mailbox.logins == ["\0dish\0pass word"] * bool(secure)
 
 
 @pytest.mark.parametrize(
