@@ -6,12 +6,10 @@ Subscribes: antenna_status, tracking_status, joint_states, target, passes, pass_
 pass_certificate, schedule, executive_status, station_in_use, /diagnostics of its namespace.
 Requests: services, actions and parameters of the other nodes, as every other client.
 Parameters: page.* (address, port, token, reports), command_key_file (signs the calls).
-
 The page moves nothing by itself.  A pass that it has started goes on without it.
 """
 
 import time
-from collections import Counter
 from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
@@ -132,9 +130,7 @@ class OperatorPage(ManagedNode):
                 self._newest[name] = message
                 self._board.seen(name)
         board, live = self._board, station_view.live_values(self._newest)
-        # Of all passes: the page shows those around the next one alone.
-        schedule = self._newest.get("schedule", ours.Schedule())
-        kept = {**board.kept, "schedule_states": Counter(each.state for each in schedule.passes)}
+        kept = {**board.kept, "schedule_states": station_view.schedule_states(self._newest)}
         server.app.measured = time.monotonic(), board_metrics(live, board.age_s, kept, board.nodes)
         if not server.app.viewers:
             return

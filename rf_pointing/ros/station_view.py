@@ -4,6 +4,7 @@ The client `station` prints these values and the operator's page shows them.
 """
 
 import math
+from collections import Counter
 from collections.abc import Mapping
 from typing import Any
 
@@ -136,6 +137,11 @@ def executive_values(executive: ours.ExecutiveStatus) -> dict[str, Any]:
 def passes_values(message: ours.PassList) -> dict[str, Any]:
     """Return the coming passes of the selected target."""
     return {"target": message.target, "rows": [window_values(each) for each in message.passes[:MOST_ROWS]]}
+
+
+def schedule_states(newest: Mapping[str, Any]) -> dict[str, int]:
+    """Return how many of all passes of the newest `schedule` are in each state."""
+    return Counter(each.state for each in newest["schedule"].passes) if "schedule" in newest else {}
 
 
 def schedule_values(schedule: ours.Schedule) -> list[dict[str, Any]]:

@@ -1,7 +1,7 @@
 """The watches over drives, encoders and loops: shares of what moves, steps and scans.
 
-A drive may be later than stated: `LATE` times its latency is no runaway, and 1.3 times the lag L of
-a loop no oscillation.  Where the acceleration a of a slew begins, such an axis loses
+A drive may be later than stated: `LATE` times its latency must not count as a runaway, nor 1.3
+times the lag L of a loop as an oscillation.  Where the acceleration a of a slew begins, such an axis loses
 (1.3 L)^2 a / 2, and then moves off at 0.3 L a until its gain k_p <= 0.2 / L takes it back:
 
     at most  0.85 a L^2 + 0.3 L a / k_p = 2.4 a L^2,    counted as gross from CORNER a L^2 on
