@@ -29,7 +29,6 @@ from rf_pointing.operations.schedule import PassState
 from rf_pointing.simulation import StationSetup
 
 STATIONS = ("leo_3m7", "rotator_2m")
-OTHERS = ("xy_7m3", "polar_3m")
 SECONDS = {"drive_lost": 20.0, "link_drop": 60.0, "runaway": 10.0, "encoder_frozen": 10.0, "axes_stuck": 10.0, "gust": 120.0,
            "stale_elements": 900.0, "full_disk": 900.0}  # fmt: skip
 
@@ -141,7 +140,7 @@ def show(
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--station", choices=(*STATIONS, *OTHERS), help="(default: the first two)")
+    parser.add_argument("--station", choices=STATIONS, help="(default: both)")
     parser.add_argument("--hours", type=float, default=8.0)
     parser.add_argument("--satellites", type=int, default=30)
     parser.add_argument("--faults", type=int, default=0)
