@@ -19,7 +19,6 @@ from typing import Any
 
 from rf_pointing.core import Params, parameter
 from rf_pointing.core.checks import id_of, require_id, require_name
-from rf_pointing.core.kinematics import LEVEL, Kinematics
 from rf_pointing.core.types import Pair
 from rf_pointing.planning import AxisLimits, AxisRates, Candidate, reasons_against, turns_within
 from rf_pointing.planning.schedule import schedule
@@ -128,16 +127,9 @@ class Schedule:
     """The passes of one antenna with their states; times in UTC s."""
 
     def __init__(
-        self,
-        limits: AxisLimits,
-        axes: AxisRates,
-        params: BetweenParams | None = None,
-        antenna: str = "",
-        mount: Kinematics = LEVEL,
+        self, limits: AxisLimits, axes: AxisRates, params: BetweenParams | None = None, antenna: str = ""
     ) -> None:
         self.limits, self.axes, self.params, self.antenna = limits, axes, params or BetweenParams(), antenna
-        # A list has paths on the sky, which are those of level axes alone.
-        self._on_sky = mount.level
         self.entries: dict[str, Entry] = {}
 
     def change(self, added: Iterable[ScheduledPass], removed: Iterable[str] = ()) -> None:
@@ -254,7 +246,7 @@ class Schedule:
         )  # fmt: skip
 
     def _turns(self, item: ScheduledPass) -> tuple[tuple[Pair, Pair], ...]:
-        if item.azimuth_path_rad is not None and self._on_sky:
+        if item.azimuth_path_rad is not None:
             return turns_within(self.limits, item.azimuth_path_rad, item.elevation_rad)
         low, high = self.limits.azimuth_min_rad, self.limits.azimuth_max_rad
         # Unknown: from one end of the travel to the other, which no turn takes longer than.
@@ -303,7 +295,7 @@ class Schedule:
             return "stow", None
         if wait_s > self.params.park_after_s:
             return "park", None
-        if following is not None and following.turn is not None and self._on_sky:
+        if following is not None and following.turn is not None:
             start = following.turn[0]
             if abs(start[0] - place[0]) > self.params.unwind_rad and wait_s > 0.0:
                 return "unwind", start

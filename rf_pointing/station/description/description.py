@@ -36,7 +36,7 @@ FLIES_OTHER_MOUNTS = frozenset({
     "simulate", "track", "calibrate", "plan_calibration", "fit_bias_model", "a fit of the bias model",
     "antenna_servo", "rf_receiver", "signal_source", "signal_receiver", *(each.node for each in SENSORS.values()),
     "bias_calibrator", "ephemeris_publisher", "pointing_controller", "station_description", "rotctld_server",
-    "operator_page", "simulation_clock", "station_executive", "station_alarms", "radio_control",
+    "operator_page", "simulation_clock", "station_alarms", "radio_control",
 })  # fmt: skip
 """Commands and nodes that fly any mount whose tilt is set; any other refuses other mounts."""
 # Parameters of before, and the key that took their place.

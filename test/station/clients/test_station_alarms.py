@@ -4,8 +4,10 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
+from rf_pointing.core.kinematics import LEVEL
 from rf_pointing.operations import AlarmParams, ExpectedState
 from rf_pointing.operations.alarms import AlarmBook
 from rf_pointing.operations.dictionary import read_tables
@@ -238,3 +240,21 @@ def test_an_executive_that_comes_back_does_not_tell_of_its_own_end(bench: Bench)
     bench.alarms.recovery.step(T_S + 1.0)
     assert bench.messages == []
     assert [row[1:] for row in bench.run(1)] == [("raised", "lost_executive")]
+
+
+@pytest.mark.parametrize("name", ["xy_7m3", "polar_3m"])
+def test_the_sun_is_as_near_to_the_beam_of_any_axes(name: str, tmp_path: Path, disk: Any) -> None:
+    """The beam of other axes is as far from the Sun as that of azimuth and elevation at its place."""
+    station = read_station(name)
+    other = controller_params(station, station.default_band)
+    level, margins = other.replace(kinematics=LEVEL), []
+    for controller, axes_rad in ((other, (0.3, 0.4)), (level, other.kinematics.sky_at(0.3, 0.4))):
+        recovery = Recovery(
+            read_tables(AlarmParams()).recovery, ExpectedState(), AlarmBook(lambda *_: None, 1.0), acts=False
+        )
+        alarms = StationAlarms(recovery, AlarmParams(), HookParams(), name, controller, tmp_path, lambda _: None)
+        alarms.take("antenna", dict(zip(("azimuth", "elevation"), axes_rad, strict=True)), T_S)
+        alarms.observe(T_S, 1.0)
+        margins.append(alarms.known.value("antenna.sun_margin_rad"))
+    assert margins[0] == pytest.approx(margins[1], abs=1e-12)
+    assert np.isfinite(margins[0])
