@@ -11,7 +11,6 @@ The page moves nothing by itself.  A pass that it has started goes on without it
 """
 
 import time
-from collections import Counter
 from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
@@ -132,10 +131,7 @@ class OperatorPage(ManagedNode):
                 self._newest[name] = message
                 self._board.seen(name)
         board, live = self._board, station_view.live_values(self._newest)
-        # Of all passes: the page shows those around the next one alone.
-        schedule = self._newest.get("schedule", ours.Schedule())
-        kept = {**board.kept, "schedule_states": Counter(each.state for each in schedule.passes)}
-        server.app.measured = time.monotonic(), board_metrics(live, board.age_s, kept, board.nodes)
+        server.app.measured = time.monotonic(), board_metrics(live, board.age_s, board.kept, board.nodes)
         if not server.app.viewers:
             return
         for node, reader in self._readers.items():

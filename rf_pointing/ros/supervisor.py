@@ -25,7 +25,7 @@ from rf_pointing.ros.main_loop import RESTART_S, present_holder
 from rf_pointing.ros.managed_graph import NODE_ENVIRONMENT, ONE_LOG, bind_to_parent, end_processes
 from rf_pointing.station.antenna.memory import state_folder
 from rf_pointing.station.clients.station_alarms import NEEDED
-from rf_pointing.station.log_lines import json_lines, named
+from rf_pointing.station.log_lines import json_lines
 
 FIRST = (*NEEDED, EXECUTIVE)
 """Nodes that a pass in progress waits for: to import all nodes takes a small computer 30 s."""
@@ -190,7 +190,7 @@ class Supervisor:
                 new = file.read(size - child.shown)
             whole, _, _ = new.rpartition(b"\n")
             for line in whole.decode(errors="replace").splitlines():
-                self._show(named(child.name, line))
+                self._show(_named(child.name, line))
             child.shown += len(whole) + 1 if whole else 0
         if self._bound(self._log(child)):
             child.shown = 0
@@ -237,6 +237,23 @@ def running(words: Sequence[str] = ()) -> list[dict[str, Any]]:
 
 def _how(code: int) -> str:
     return f"was ended by {signal.Signals(-code).name}" if code < 0 else f"ended with {code}"
+
+
+def _named(name: str, line: str) -> str:
+    """Return a line of a program's log with its name, as one object where that is chosen.
+
+    A line that is an object already keeps its members: its own name, and `process` in front of it.
+    """
+    if not json_lines():
+        return f"[{name}] {line}"
+    try:
+        members = json.loads(line)
+        known = isinstance(members, dict)
+    except ValueError:
+        known = False
+    # What an interpreter or a library prints: a traceback, a line of C.
+    row = members if known else {"t_s": time.time(), "level": "INFO", "name": name, "text": line}
+    return json.dumps({"process": name} | row)
 
 
 def to_terminal(line: str) -> None:

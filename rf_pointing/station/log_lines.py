@@ -29,23 +29,6 @@ def quoted(text: str) -> str:
     return json.dumps(text)[1:-1]
 
 
-def named(name: str, line: str) -> str:
-    """Return a line of a program's log with its name, as one object where that is chosen.
-
-    A line that is an object already keeps its members: its own name, and `process` in front of it.
-    """
-    if not json_lines():
-        return f"[{name}] {line}"
-    try:
-        members = json.loads(line)
-        known = isinstance(members, dict)
-    except ValueError:
-        known = False
-    # What an interpreter or a library prints: a traceback, a line of C.
-    row = members if known else {"t_s": time.time(), "level": "INFO", "name": name, "text": line}
-    return json.dumps({"process": name} | row)
-
-
 def say(program: str, text: str, level: str = "INFO") -> None:
     """Report to the user on stderr; stdout is for data."""
     line = f"{program}: {text}"

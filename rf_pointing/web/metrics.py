@@ -84,7 +84,7 @@ def board_metrics(
             Family("elements_age", "seconds", "Age of the elements of the selected target.", age)
         )
     if "executive" in fresh:
-        families += _night(kept)
+        families += _night(live, kept)
     return families
 
 
@@ -189,8 +189,8 @@ def _tracking(live: Mapping[str, Any]) -> list[Family]:
     ]
 
 
-def _night(kept: Mapping[str, Any]) -> list[Family]:
-    executive = kept.get("executive", {})
+def _night(live: Mapping[str, Any], kept: Mapping[str, Any]) -> list[Family]:
+    executive, states = kept.get("executive", {}), live.get("schedule_states", {})
     alarms = [
         (
             {"alarm": each["name"], "level": ("ok", "warning", "error")[min(each["level"], 2)]},
@@ -199,13 +199,7 @@ def _night(kept: Mapping[str, Any]) -> list[Family]:
         for each in executive.get("alarms", ())
     ]
     return [
-        _gauge(
-            "schedule_passes",
-            "",
-            "Passes of the schedule by their state.",
-            "state",
-            kept.get("schedule_states", {}),
-        ),
+        _gauge("schedule_passes", "", "Passes of the schedule by their state.", "state", states),
         Family("alarm_lasts", "", "Alarms that last: 1 not acknowledged, 2 acknowledged.", alarms),
         Family("alarms_lasting", "", "How many alarms last.", [({}, len(alarms))]),
     ]

@@ -30,8 +30,8 @@ from rf_pointing.ros.diagnostics import ERROR
 from rf_pointing.ros.stamps import stamp_from_seconds
 from rf_pointing.station.clients.board import READ
 from rf_pointing.station.description import read_station
-from rf_pointing.web.page_server import PageApp, PageServer, shown
 from rf_pointing.web.metrics import exposition
+from rf_pointing.web.page_server import PageApp, PageServer, shown
 from test.nodes.test_hostile_messages import fill, mutated
 
 PAYLOADS, SHOWN_EVERY = 1000, 25

@@ -140,14 +140,6 @@ class Band:
 
         return takes_positions(str(self.content.drive.get("type")))
 
-    @property
-    def rate_latency_s(self) -> float:
-        """Stated time from a rate to the motion; 0 for drives that do not take rates."""
-        from rf_pointing.drives.params import DriveParams
-
-        given, usual = flat(self.content.drive), DriveParams().rotator.latency_s
-        return float(given.get("rotator.latency_s", usual)) if takes_rates(self.content.drive) else 0.0
-
     @cached_property
     def rates_deg_s(self) -> Pair:
         """Largest commanded rates."""
@@ -208,14 +200,6 @@ class Band:
     def structure(self) -> str:
         """The kind of plant: as given, or by the diameter."""
         return self.content.simulation.structure or ("stiff" if self.wind_diameter_m < STIFF_BELOW_M else "flexible")
-
-
-def takes_rates(drive: Mapping[str, Any]) -> bool:
-    """Return whether a drive section names a device whose position loop this station closes."""
-    from rf_pointing.drives.registry import takes_positions
-
-    kind = str(drive.get("type", "simulated"))
-    return kind != "simulated" and not takes_positions(kind) and drive.get("model") != "position"
 
 
 def site_of(content: Content) -> Site:

@@ -33,9 +33,8 @@ from rf_pointing.station.derive.band import (
     Band,
     drive_acceleration_deg_s2,
     encoder_bits,
-    takes_rates,
 )
-from rf_pointing.station.derive.watches import oscillation
+from rf_pointing.station.derive.watches import oscillation, rate_latency_s, takes_rates
 
 STIFF_GEAR_HZ = 30.0
 COARSE_NOISE_RAD = math.radians(5e-4)
@@ -79,7 +78,7 @@ def plant_and_loops(of: Band) -> tuple[Rows, Rows]:
     first = takes_rates(of.content.drive)
     if first:
         # What guards the gains of an operator, too, is a plant with the latency of the device.
-        dead_s = min(of.rate_latency_s, LONGEST_DEAD_S)
+        dead_s = min(rate_latency_s(of), LONGEST_DEAD_S)
         plant = plant.replace(
             azimuth=plant.azimuth.replace(drive_delay_s=dead_s), elevation=plant.elevation.replace(drive_delay_s=dead_s)
         )
