@@ -25,7 +25,7 @@ from rf_pointing.station.antenna.tuning import (
     tuned_axis,
     tuning_lines,
 )
-from rf_pointing.station.derive.rate_drive import takes_rates
+from rf_pointing.station.derive.watches import takes_rates
 
 # Largest share of the motion of held-out sequences that a model may miss.
 MOST_ERROR = 0.1

@@ -6,6 +6,7 @@ Subscribes: antenna_status, tracking_status, joint_states, target, passes, pass_
 pass_certificate, schedule, executive_status, station_in_use, /diagnostics of its namespace.
 Requests: services, actions and parameters of the other nodes, as every other client.
 Parameters: page.* (address, port, token, reports), command_key_file (signs the calls).
+
 The page moves nothing by itself.  A pass that it has started goes on without it.
 """
 
@@ -130,8 +131,7 @@ class OperatorPage(ManagedNode):
                 self._newest[name] = message
                 self._board.seen(name)
         board, live = self._board, station_view.live_values(self._newest)
-        kept = {**board.kept, "schedule_states": station_view.schedule_states(self._newest)}
-        server.app.measured = time.monotonic(), board_metrics(live, board.age_s, kept, board.nodes)
+        server.app.measured = time.monotonic(), board_metrics(live, board.age_s, board.kept, board.nodes)
         if not server.app.viewers:
             return
         for node, reader in self._readers.items():

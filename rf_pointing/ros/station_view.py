@@ -107,7 +107,7 @@ def target_values(target: ours.Target) -> dict[str, Any]:
 
 
 def live_values(newest: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what moves: of `antenna`, `tracking`, `executive`, `target`, `joints`."""
+    """Return what moves: of `antenna`, `tracking`, `executive`, `target`, `joints`, `schedule`."""
     values: dict[str, Any] = {}
     if "antenna" in newest:
         tracking = newest.get("tracking", ours.TrackingStatus())
@@ -119,6 +119,9 @@ def live_values(newest: Mapping[str, Any]) -> dict[str, Any]:
         values["encoder_deg"] = degrees(newest["joints"].position_rad)
     if "target" in newest:
         values["sky_target"] = target_values(newest["target"])
+    if "schedule" in newest:
+        # All passes count; the page shows those around the next one alone.
+        values["schedule_states"] = dict(Counter(each.state for each in newest["schedule"].passes))
     return values
 
 

@@ -239,6 +239,23 @@ def _how(code: int) -> str:
     return f"was ended by {signal.Signals(-code).name}" if code < 0 else f"ended with {code}"
 
 
+def _named(name: str, line: str) -> str:
+    """Return a line of a program's log with its name, as one object where that is chosen.
+
+    A line that is an object already keeps its members: its own name, and `process` in front of it.
+    """
+    if not json_lines():
+        return f"[{name}] {line}"
+    try:
+        members = json.loads(line)
+        known = isinstance(members, dict)
+    except ValueError:
+        known = False
+    # What an interpreter or a library prints: a traceback, a line of C.
+    row = members if known else {"t_s": time.time(), "level": "INFO", "name": name, "text": line}
+    return json.dumps({"process": name} | row)
+
+
 def to_terminal(line: str) -> None:
     """Print a line; whoever closes the terminal does not end the station by that."""
     try:

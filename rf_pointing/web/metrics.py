@@ -84,7 +84,7 @@ def board_metrics(
             Family("elements_age", "seconds", "Age of the elements of the selected target.", age)
         )
     if "executive" in fresh:
-        states = kept.get("schedule_states", {})
+        states = live.get("schedule_states", {})
         families.append(
             _gauge("schedule_passes", "", "Passes of the schedule by their state.", "state", states)
         )

@@ -6,6 +6,7 @@ import shutil
 import signal
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -21,9 +22,11 @@ from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 
+from rf_pointing.report.night_report import write_night
 from rf_pointing.ros.graph import NODES
 from rf_pointing.ros.qos import LATCHED, STATUS, STREAM
 from rf_pointing.ros.stamps import stamp_from_seconds
+from test.report.test_night_report import bad_night
 
 from .conftest import free_port, live_graph
 from .test_night import LiveNight
@@ -289,6 +292,22 @@ def test_a_dead_server_is_shown_and_the_page_comes_back_by_itself(page: Browser)
     page.until(lambda: page.text("#link") == "● Live", "the page to be live again", 30.0)
     assert page.driver.execute_script("return window.sameDocument && document.querySelector('#banner').hidden")
     page.until(lambda: page.text("#antenna-mode") == page.station.antenna.mode, "present values")
+
+
+def test_a_telephone_shows_the_nights_without_scrolling_sideways(tmp_path: Path) -> None:
+    """A night with lost passes, a hostile name and alarms, and the index with its trend."""
+    for number in range(3):
+        write_night(bad_night(), tmp_path / f"report-2006-06-2{number}T1800")
+    driver = start_browser()
+    try:
+        size = {"width": 390, "height": 844, "deviceScaleFactor": 2, "mobile": True}
+        driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+        for name in ("index.html", "report-2006-06-21T1800/night.html"):
+            driver.get((tmp_path / name).as_uri())
+            wide = driver.execute_script("return [document.documentElement.scrollWidth, innerWidth]")
+            assert wide == [390, 390], name
+    finally:
+        driver.quit()
 
 
 def test_a_telephone_shows_it_without_scrolling_sideways(page: Browser) -> None:

@@ -1,6 +1,7 @@
 """The executive between its topics: what it takes from them, publishes and serves; a dead one is noticed."""
 
 import json
+import platform
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -21,6 +22,7 @@ from rf_pointing_msgs.msg import (
 )
 from rf_pointing_msgs.srv import ChangeSchedule, Named
 
+from rf_pointing import __version__
 from rf_pointing.core import JointReading
 from rf_pointing.core.dates import utc_text
 from rf_pointing.nodes.pointing_controller import PointingControllerNode
@@ -210,6 +212,10 @@ def test_a_night_is_a_goal_with_feedback_and_a_result_and_its_report_is_written(
     assert goal.result.report == str(report.parent)
     night = json.loads(report.read_text())
     assert {"disk", "inputs"} <= set(night["health"])
+    assert night["health"]["software"] == {
+        "rf_pointing": __version__, "Python": platform.python_version(), "description": bench.node.station.digest[:12],
+    }  # fmt: skip
+    assert __version__ in report.with_name("night.html").read_text()
     away = [each for each in night["alarms"] if each["name"] == "lost_executive"]
     assert [each["until_t_s"] - each["raised_t_s"] for each in away] == [30.0]
     assert goal.cancel(), "it has ended meanwhile"

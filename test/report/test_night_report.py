@@ -1,6 +1,7 @@
 """The morning report: what is on the page, what is in the JSON, and what there is to do."""
 
 import json
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -99,6 +100,16 @@ def test_the_page_has_the_lost_seconds_with_their_causes_and_escapes_names(tmp_p
     index = (tmp_path / "index.html").read_text()
     assert index.index("report-2006-06-27T1800/night.html") < index.index("report-2006-06-26T1800/night.html")
     assert "2 of 3" in index
+    # One night is no trend; of two the oldest is the first bar, as high as its share of the time.
+    assert "<rect" not in index
+    later = tmp_path / "report-2006-06-28T1800"
+    write_night(night_of(state([record("SAT 1", 600.0, tracked_s=540.0)]), "Dish"), later)
+    bars = re.findall(
+        r'<rect x="(\d+)" [^>]* height="([\d.]+)"\s+class="bar([^"]*)"', (tmp_path / "index.html").read_text()
+    )
+    assert [(int(x), float(height), "tracked" in words) for x, height, words in bars] == [
+        (30, pytest.approx(100.0 * report.held_share), False), (42, pytest.approx(90.0), True),
+    ]  # fmt: skip
     assert values["to_do"] == list(report.to_do)
 
 

@@ -21,11 +21,11 @@ LIVE = {
     "rate_deg_s": [0.5, -0.25], "rate_limit_deg_s": [3.0, 2.0], "tracking": "nose", "target": "ISS",
     "error_beamwidths": [0.03, 0.04], "beamwidth_deg": 2.0, "carrier_to_noise_db_hz": 57.25, "seconds_tracked": 12.0,
     "seconds_lost": 3.0, "mean_loss_db": 0.125, "held": True, "sky_target": {"age_h": 1.5},
+    "schedule_states": {"tracked": 2, "waiting": 1},
 }  # fmt: skip
 KEPT: dict[str, Any] = {
     "station": {"name": 'Mine "A"', "band": "X"},
     "executive": {"alarms": [{"name": "lost_node", "level": 2, "acknowledged": True}]},
-    "schedule_states": {"tracked": 2, "waiting": 1},
 }
 NODES = [{"name": "antenna_servo", "silent_s": 0, "checks": [["state", 0, "active"], ["clock", 1, "late"]]}]
 SOURCES = ("antenna", "tracking", "target", "executive")

@@ -34,8 +34,7 @@ from rf_pointing.station.derive.band import (
     drive_acceleration_deg_s2,
     encoder_bits,
 )
-from rf_pointing.station.derive.rate_drive import rate_latency_s, takes_rates
-from rf_pointing.station.derive.watches import oscillation
+from rf_pointing.station.derive.watches import oscillation, rate_latency_s, takes_rates
 
 STIFF_GEAR_HZ = 30.0
 COARSE_NOISE_RAD = math.radians(5e-4)
@@ -79,7 +78,7 @@ def plant_and_loops(of: Band) -> tuple[Rows, Rows]:
     first = takes_rates(of.content.drive)
     if first:
         # What guards the gains of an operator, too, is a plant with the latency of the device.
-        dead_s = min(rate_latency_s(of.content.drive), LONGEST_DEAD_S)
+        dead_s = min(rate_latency_s(of), LONGEST_DEAD_S)
         plant = plant.replace(
             azimuth=plant.azimuth.replace(drive_delay_s=dead_s), elevation=plant.elevation.replace(drive_delay_s=dead_s)
         )

@@ -1,16 +1,21 @@
 """The watches over drives, encoders and loops: shares of what moves, steps and scans.
 
-A drive may be later than stated: `LATE` times its latency must not count as a runaway, nor 1.3
-times the lag L of a loop as an oscillation.  Where the acceleration a of a slew begins, such an axis loses
-(1.3 L)^2 a / 2, and then moves off at 0.3 L a until its gain k_p <= 0.2 / L takes it back:
+A drive may be later than stated: by `LATE` times its latency before it counts as a runaway, and by
+1.3 times the lag L of a loop before that counts as an oscillation.  Where the acceleration a of a
+slew begins, such an axis loses (1.3 L)^2 a / 2, and then moves off at 0.3 L a until its gain
+k_p <= 0.2 / L takes it back:
 
     at most  0.85 a L^2 + 0.3 L a / k_p = 2.4 a L^2,    counted as gross from CORNER a L^2 on
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 from rf_pointing.core.derived import Rows, rounded, tuned
+from rf_pointing.core.parameters import flat
+from rf_pointing.drives.params import DriveParams
+from rf_pointing.drives.registry import takes_positions
 from rf_pointing.station.derive import axes
 from rf_pointing.station.derive.band import (
     REFERENCE_M,
@@ -19,7 +24,6 @@ from rf_pointing.station.derive.band import (
     Band,
     drive_acceleration_deg_s2,
 )
-from rf_pointing.station.derive.rate_drive import rate_latency_s
 from rf_pointing.station.pointing.antenna_watch import AntennaWatchParams
 from rf_pointing.tracking.scan import SCAN_RADIUS
 
@@ -30,12 +34,24 @@ WAITS = ("rotator.minimum_interval_s", "rotator.latency_s", "link.poll_period_s"
 LATE, CORNER = 1.5, 3.0
 
 
+def takes_rates(drive: Mapping[str, Any]) -> bool:
+    """Return whether a drive section names a device whose position loop this station closes."""
+    kind = str(drive.get("type", "simulated"))
+    return kind != "simulated" and not takes_positions(kind) and drive.get("model") != "position"
+
+
+def rate_latency_s(of: Band) -> float:
+    """Return the stated time from a rate to the motion; 0 for drives that do not take rates."""
+    given = flat(of.content.drive).get("rotator.latency_s", DriveParams().rotator.latency_s)
+    return float(given) if takes_rates(of.content.drive) else 0.0
+
+
 def drive_watch(of: Band) -> Rows:
     """The watch over the drives."""
     hardest = max(map(drive_acceleration_deg_s2, of.axes))
     fastest = max(axis.rate_deg_s for axis in of.axes)
     stiff = of.structure == "stiff"
-    late_s = rate_latency_s(of.content.drive)
+    late_s = rate_latency_s(of)
     bandwidth = STIFF_DRIVE_RAD_S if stiff else 20.0 * min(1.0, REFERENCE_M / of.wind_diameter_m)
     return {
         "bandwidth_hz": tuned(bandwidth / (2.0 * math.pi), "the rate loops'"),
