@@ -28,7 +28,7 @@ from rf_pointing.station.antenna.drive_antenna import DriveAntenna
 from rf_pointing.station.antenna.radio import SampledReceiver, SimulatedRadio, seeded
 from rf_pointing.station.antenna.receiver import Reception, SimulatedReceiver
 from rf_pointing.station.antenna.simulated_antenna import AntennaParams, SimulatedAntenna, SimulatedHardware
-from rf_pointing.station.derive.axes import kinematics_of
+from rf_pointing.station.derive.axes import feed_model, kinematics_of
 from rf_pointing.station.description import DEFAULT_STATION, StationDescription, read_station
 from rf_pointing.station.description.description import require_known
 from rf_pointing.station.pointing.certificates import pass_profile
@@ -128,9 +128,8 @@ class StationSetup:
             require_known(node, values)
             self.changes[node] |= values
         chosen = self.station.bias_model_file(self.band) if model is None else model
-        self.model = (
-            chosen if isinstance(chosen, BiasModel) else read_model(chosen).model if chosen else BiasModel.zero()
-        )
+        chosen = chosen or feed_model(self.station.content, self.band)
+        self.model = chosen if isinstance(chosen, BiasModel) else read_model(chosen).model
 
     def sets(self, node: str) -> dict[str, Any]:
         """Return the parameter sets of one node by their prefix: description, files and changes."""

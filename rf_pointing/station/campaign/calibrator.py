@@ -70,12 +70,21 @@ class Calibrator:
     def __init__(self, params: CalibratorParams, rules: AcceptanceRules) -> None:
         start = calibration.read_model(params.model_file) if params.model_file else None
         self.keeper = ModelKeeper(params.station, params.band, params.folder, start, rules)
+        self.retune = self.keeper.retune
         kept = params.folder and params.keep_observations
         self.log = CalibrationLog(
             params.station, params.band, params.spacing_s, params.sigma_rad, scan_spacing_s=params.scan_spacing_s,
             largest_error_rad=params.largest_error_rad, settle_s=params.settle_s,
             journal=journal_of(params.folder, params.station, params.band) if kept else None,
         )  # fmt: skip
+
+    def in_band(self, params: CalibratorParams, rules: AcceptanceRules, t_s: float) -> "Calibrator":
+        """Return the calibrator of another band with its model in force; this one is at rest."""
+        other = Calibrator(params, rules)
+        other.keeper.temperature_k = self.keeper.temperature_k
+        other.keeper.begin(t_s)
+        self.log.write_waiting()
+        return other
 
     def take_error(self, error: PointingError, reading: JointReading | None) -> None:
         """Take an error with the encoders next to it: an observation, if one is due."""

@@ -89,6 +89,8 @@ class DayPass:
     profile: PassProfile | None = None
     filler: bool = False
     """Whether it fills a gap: a piece of the stay of what is up for hours."""
+    band: str = ""
+    """Band that its target names, "" for that of the station."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -371,6 +373,7 @@ class AntennaDay:
             window=window, priority=wish.priority, fate=fate, age_s=age_s, reason=reason,
             along_rad=ElementUncertainty().sigmas_m(age_s)[0] / window.tca_range_m if isinstance(target, Elements) else 0.0,
             certificate=certificate, profile=profile, filler=id(target) in self._cut,
+            band=wish.band,
         )  # fmt: skip
 
 
