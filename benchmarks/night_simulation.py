@@ -28,6 +28,7 @@ from rf_pointing.station.antenna.modes import AntennaMode
 from rf_pointing.station.antenna.simulated_antenna import SimulatedAntenna
 from rf_pointing.station.pointing.certificates import pass_profile
 from rf_pointing.station.pointing.controller import PointingController
+from rf_pointing.station.pointing.params import ControllerParams
 from rf_pointing.station.pointing.status import TrackingStatus
 from rf_pointing.tracking import MonopulseTracker, power_tracker
 
@@ -133,7 +134,7 @@ class NightSimulation:
         schedule = Schedule(params.limits, machine.axes, between)
         schedule.change(passes)
         self.night = Night(
-            schedule, tables.procedure, tables.recovery, self._send, quiet_s=alarms.quiet_s, sensor=setup.sensor,
+            schedule, tables.procedure, tables.recovery, self._send, quiet_s=alarms.quiet_s, band=setup.band,
             least_share=machine.least_share, notify=self._notify,
         )  # fmt: skip
         self._answers: list[tuple[float, int, bool, str]] = []
@@ -362,14 +363,29 @@ class NightSimulation:
 
     def _track(self, number: int, arguments: dict[str, Any]) -> str:
         assert self.controller is not None
+        if arguments["band"] not in ("", self.setup.band):
+            self._change_band(self.controller, str(arguments["band"]))
         try:
-            self.controller.start(self.t_s, arguments["target_pass"], str(arguments["sensor"]))
+            sensor = self.setup.station.chosen_sensor(str(arguments["sensor"]), self.setup.band)
+            self.controller.start(self.t_s, arguments["target_pass"], sensor)
         except ValueError as error:
             self.night.take("track", {"refused": str(error)}, self.t_s)
             raise
         self.night.take("track", {"refused": ""}, self.t_s)
         self._goal = number, arguments["target_pass"]
         return "accepted"
+
+    def _change_band(self, controller: PointingController, band: str) -> None:
+        """Do in one process what the nodes do on a change of band: antenna and what is known stay."""
+        self.setup = setup = StationSetup(self.setup.station, band, changes=self.setup.changes)
+        self.controller = controller.in_band(ControllerParams(**setup.sets("pointing_controller")))
+        self.controller.take_model(setup.model)
+        track, self.receiver = self.receiver.track, setup.receiver()
+        self.receiver.tune(track)
+        self._monopulse = MonopulseTracker(setup.sets("monopulse_tracker")["monopulse"])
+        self._carrier = setup.power_tracker()
+        if isinstance(self.antenna, SimulatedAntenna):
+            self.antenna.hardware.bend(setup.sets("antenna_servo")["mount"])
 
     def _stop_pass(self) -> str:
         assert self.controller is not None

@@ -82,13 +82,12 @@ class NetworkPlan:
             end_s, other = last.get(key, (-math.inf, ""))
             last[key] = window.los_t_s, station.name
             apart_s = window.aos_t_s - end_s
-            band = next(wish.band for wish in self.wishes if wish.target is window.target)
             found.append({
-                "station": station.name, "antenna": station.name, "band": band or station.band,
+                "station": station.name, "antenna": station.name,
                 "from_station": other if apart_s < SAME_S and other != station.name else "",
                 "leave_utc": utc_text(leave_s),
                 "since_contact_s": round(max(0.0, apart_s), 3) if math.isfinite(apart_s) else None,
-                **row_values(item, station.rules.machine.half_power_beamwidth_rad),
+                **row_values(item, station),
             })  # fmt: skip
         return found
 

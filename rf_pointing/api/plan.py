@@ -36,7 +36,7 @@ class Plan:
     @cached_property
     def rows(self) -> list[dict[str, Any]]:
         """Every pass in order of rise: times in UTC, angles in degrees, `fate` and `reason`."""
-        return [row_values(item, self._beamwidth_rad) for item in self.day.passes]
+        return [row_values(item, self.station) for item in self.day.passes]
 
     @property
     def unsearched(self) -> dict[str, str]:
@@ -89,11 +89,13 @@ class Plan:
         draw_day(self.day, self.station.name, self.station.rules.mask, Path(path))
 
 
-def row_values(item: DayPass, beamwidth_rad: float) -> dict[str, Any]:
+def row_values(item: DayPass, station: "Station") -> dict[str, Any]:
     """Return one pass as names and plain values: times in UTC, angles in degrees."""
-    window = item.window
+    window, band = item.window, item.band or station.band
+    beamwidth_rad = station.in_band(band).rules.machine.half_power_beamwidth_rad
     values: dict[str, Any] = {"name": window.name, "catalogue_number": window.catalogue_number}
-    values |= {"priority": item.priority, "fate": str(item.fate), "reason": item.reason}
+    values |= {"band": band, "priority": item.priority}
+    values |= {"fate": str(item.fate), "reason": item.reason}
     values |= {f"{name}_utc": utc_text(getattr(window, f"{name}_t_s")) for name in ("aos", "tca", "los")}
     values["duration_s"] = window.duration_s
     names = ("peak_elevation_rad", "aos_azimuth_rad", "tca_azimuth_rad", "los_azimuth_rad", "tca_azimuth_rate_rad_s")
@@ -155,6 +157,7 @@ def table_text(plan: DayPlan) -> str:
         )
         aos, tca, los = (utc_text(getattr(window, f"{name}_t_s")) for name in ("aos", "tca", "los"))
         fate = f"{branch.label}, {branch.lost_s:.1f} s lost" if branch else item.reason
+        fate = f"{item.band} band, {fate}" if item.band else fate
         lines.append(
             f"{window.name:<24.24} {item.priority:>4} {aos}{'<' if window.rises_before else ' '} {tca[11:23]} "
             f"{los[11:23]}{'>' if window.sets_after else ' '} {window.duration_s:6.0f} "

@@ -5,7 +5,8 @@ A list is a text file, one target a line; `#` between blanks begins a comment:
     25544, priority=5, peak=20    # ISS, passes that peak above 20 deg
     CBERS 2
     Moon, priority=-1             # in the gaps; Sun and radio sources as well
-    TERRA, band=X, contact=30     # of a network: in this band, 30 min a day at least
+    TERRA, band=X                 # in this band of the station
+    AQUA, contact=30              # of a network: 30 min a day at least
 """
 
 import re
@@ -115,7 +116,7 @@ def _entry(text: str, least_peak_deg: float) -> tuple[str, dict[str, Any]]:
             wanted["band"] = value
         else:
             raise ValueError(
-                f"{part.strip()!r} is unknown: after the satellite come priority=N and peak=DEG, of a network "
-                "band=NAME and contact=MIN"
+                f"{part.strip()!r} is unknown: after the satellite come priority=N, peak=DEG and "
+                "band=NAME, of a network contact=MIN"
             )
     return ",".join(parts[:cut]).strip(), wanted

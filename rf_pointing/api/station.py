@@ -26,6 +26,7 @@ from rf_pointing.planning import AxisLimits
 from rf_pointing.simulation import StationSetup, simulate_pass
 from rf_pointing.station.campaign.calibrator import CalibratorParams
 from rf_pointing.station.clients.scan_samples import ScanSamples
+from rf_pointing.station.derive.axes import feed_model
 from rf_pointing.station.description import DEFAULT_STATION, StationDescription, read_station
 from rf_pointing.station.description.writing import leaning
 from rf_pointing.station.pointing.certificates import PlannedPass, PlanningRules, planned_certificate
@@ -80,7 +81,7 @@ class Station:
         self.band = own.default_band if band is None else band
         require_choice(f"{self.name}: band", self.band, self.bands)
         self.sensors = own.sensors(self.band)
-        self._model = model
+        self._model, self._in_band = model, {self.band: self}
 
     def __repr__(self) -> str:
         return f"Station({self.name!r}, band={self.band!r})"
@@ -113,10 +114,10 @@ class Station:
 
     @cached_property
     def model(self) -> BiasModel:
-        """The bias model in force: the one given, else the station's, else a perfect mount."""
+        """The bias model in force: the one given, else the station's, else that of its feed."""
         chosen = self.description.bias_model_file(self.band) if self._model is None else self._model
         if not isinstance(chosen, BiasModel):
-            chosen = read_model(chosen).model if chosen else BiasModel.zero()
+            chosen = read_model(chosen).model if chosen else feed_model(self.description.content, self.band)
         return chosen.on(self.controller.kinematics)
 
     @cached_property
@@ -262,6 +263,7 @@ class Station:
         self._require_mine(one)
         track = self.track_of(one.target)
         certificate, profile = planned_certificate(track, one.window, free_t_s, standing_rad, self.rules)
+        certificate = dataclasses.replace(certificate, band=self.band)
         return PassCertificate(one, PlannedPass(window=one.window, profile=profile, certificate=certificate))
 
     def plan(
@@ -280,8 +282,8 @@ class Station:
 
         Parameters
         ----------
-        targets : satellites, Sun, Moon and radio sources; their `priority` and `min_peak_deg`
-            count.  What stays up for hours is tracked in the gaps between the others.
+        targets : satellites, Sun, Moon and radio sources; their `priority`, `min_peak_deg`
+            and `band` count.  What stays up for hours is tracked in the gaps between the others.
         start, start_t_s : begin of the plan, UTC text or s since 1970; by default now, or the
             newest epoch where the elements do not reach from now to the end of the plan.
         hours, days : length of the plan; 24 h by default.
@@ -295,11 +297,14 @@ class Station:
         """
         wishes = [target.wish() for target in targets]
         for wish in wishes:
-            if wish.band or wish.contact_s:
-                raise ValueError(f"band and contact of {wish.target.name} are of a plan of a network: give stations")
+            if wish.contact_s:
+                raise ValueError(f"contact of {wish.target.name} is of a network: give stations")
+            require_choice(f"{wish.target.name}: band", wish.band, ("", *self.bands))
         length_s = span_s(hours, days)
         begin_s = begin_of_plan(wishes, time_s("start", start, start_t_s), length_s)
-        antenna = self.antenna(angle_rad("mask", mask_deg, mask_rad, self.lowest_rad))
+        of_band = {wish.band: self.in_band(wish.band).rules for wish in wishes if wish.band}
+        least_rad = angle_rad("mask", mask_deg, mask_rad, self.lowest_rad)
+        antenna = self.antenna(least_rad, of_band=of_band)
         return Plan(self, plan_day(wishes, antenna, begin_s, length_s, gap_s=gap_s, max_age_s=MAX_AGE_S))
 
     def antenna(self, least_rad: float, **more: Any) -> PlannedAntenna:
@@ -308,7 +313,9 @@ class Station:
 
     def in_band(self, band: str) -> "Station":
         """Return the same station in another of its bands."""
-        return self if band == self.band else Station(self.description, band, model=self._model)
+        if band not in self._in_band:
+            self._in_band[band] = Station(self.description, band, model=self._model)
+        return self._in_band[band]
 
     def link_budget(self, one: StationPass | None = None) -> LinkBudgetTable:
         """Return noise, G/T and C/N0 of the band over elevation, or along a pass.

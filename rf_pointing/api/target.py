@@ -31,9 +31,8 @@ class Target:
     location : file, folder or http(s) address; "" for the verification set of sgp4.
     satellite : catalogue number or name in it, or Sun, Moon or a radio source.
     interpolation, interpolation_degree : for an OEM that declares none.
-    priority, min_peak_deg : of its passes in a plan of many satellites; larger priorities first.
-    band, contact_minutes : of its passes in a plan of a network, and the contact that it is owed
-        every 24 h.
+    priority, min_peak_deg, band : of its passes in a plan; larger priorities first.
+    contact_minutes : in a plan of a network, the contact that it is owed every 24 h.
     """
 
     location: str = ""
@@ -141,8 +140,8 @@ def elements(
         most every 2 h.  Any other text is a name or number in the verification set of sgp4, or
         Sun, Moon or a radio source.
     satellite : its name or catalogue number there; by default the first one.
-    priority, min_peak_deg : of its passes in `Station.plan`; larger priorities win.
-    band, contact_minutes : of its passes in `plan_network`, and the contact owed every 24 h.
+    priority, min_peak_deg, band : of its passes in a plan; larger priorities win.
+    contact_minutes : in `plan_network`, the contact owed every 24 h.
     interpolation, interpolation_degree : HERMITE, LAGRANGE or LINEAR, for an OEM without one.
 
     Raises

@@ -104,6 +104,7 @@ def request_of(argv: list[str] | None = None) -> StationRequest:
     track = add("track", "track the next pass of a satellite, record it and report on it", StationClient.track)
     track("satellite", help="catalogue number or name")
     track("--sensor", type=named(SENSOR_CHOICES), choices=tuple(SENSOR_CHOICES), default="auto", help="(default: auto)")
+    track("--band", default="", help="band of the station (default: the one in use)")
     track("--min-peak", dest="min_peak_rad", metavar="MIN_PEAK", type=_degrees(0.0, 90.0), default=0.0,
         help="least peak elevation in deg (default: 0)")  # fmt: skip
     track("--near", dest="near_s", type=refusing(parse_utc), metavar="UTC",

@@ -66,7 +66,7 @@ class AntennaServo(StationNode):
         self._identification.configure(antenna)
         self._server = AntennaServer(self, value("key"), self._identification)
         operation = self._operation = AntennaOperation(antenna, memory, value("").wrap_file)
-        self._server.serve(operation, lambda: int(value("loops").table.max_points), self.band)
+        self._server.serve(operation, lambda: int(value("loops").table.max_points))
         if real and params.safety.wind.watched:
             self._server.take_wind()
         if value("").enable_fault_injection:
@@ -76,6 +76,14 @@ class AntennaServo(StationNode):
         self.diagnostics.add_report("oscillation", operation.oscillation_report)
         self.diagnostics.add_report("memory", operation.memory_report)
         ExecutiveWatch(self)
+
+    def use_band(self) -> None:
+        antenna = self._operation.antenna
+        if isinstance(antenna, SimulatedAntenna):
+            antenna.hardware.bend(self.parameters.value("mount"))
+        permit = antenna.safety.sun.permit
+        if permit is not None and permit.band != self.band:
+            antenna.permit_sun(None)
 
     def _on_drive(self, params: AntennaParams) -> DriveAntenna:
         """Connect the drive of the parameters; it is looked at until cleanup."""

@@ -27,13 +27,16 @@ class ConscanTrackerNode(StationNode):
         self._counts = {"valid": 0, "invalid": 0}
 
     def configure(self) -> None:
-        sets = PowerTrackerParams().sets()
-        self._tracker = PowerTracker(PowerTrackerParams(**{prefix: self.parameters.value(prefix) for prefix in sets}))
+        self.use_band()
         self._errors = self.stream(PointingError, "pointing_error", STREAM)
         self.listen(CarrierPower, "carrier_power", self._on_power, STREAM, required=True)
         self.listen(JointState, "joint_states", self._on_joints, STREAM, raw=True, required=True)
         self.listen(TrackingStatus, "tracking_status", self._on_status, STREAM, required=True)
         self.diagnostics.add("samples", self._health)
+
+    def use_band(self) -> None:
+        sets = PowerTrackerParams().sets()
+        self._tracker = PowerTracker(PowerTrackerParams(**{prefix: self.parameters.value(prefix) for prefix in sets}))
 
     def _on_joints(self, raw: bytes) -> None:
         if self._tracker.scanning:

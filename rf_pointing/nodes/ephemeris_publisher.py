@@ -3,15 +3,14 @@
 Publishes: target (10 Hz, ahead of time while above the mask), passes, pass_profiles (latched).
 Subscribes: tracking_status, for what a pass teaches of the time along the orbit; where
 source.refraction is measured: weather/temperature, weather/pressure and weather/humidity; where
-source.antenna has a width: satellite_attitude in place of its roll, pitch and yaw.
-Services: ~/select_target (SelectTarget): choose the satellite and get its passes; ~/clear_offsets,
+source.antenna has a width: satellite_attitude in place of its roll, pitch and yaw. Services:
+~/select_target (SelectTarget): choose the satellite and get its passes; ~/clear_offsets,
 ~/forget_learned (std_srvs/Trigger), ~/keep_offsets, ~/recall_offsets, ~/forget_offsets (Named).
-Parameters: source.* (elements or ephemeris, object, station; offsets, hold, weather and antenna,
-live, read back on /diagnostics with the age of the elements and what it means on the sky; newer
-elements of an address, or of files that were replaced, come into force between two passes),
-publisher.* (lead, rate, mask, how far to look, state_file and learned_file: what outlives the
-node), mask.* (the horizon by azimuth: a pass begins and ends above both), uncertainty.* (position
-errors of elements against their age).
+Parameters: source.* (elements or ephemeris, object; offsets, hold, weather and antenna, live, read
+back on /diagnostics with the age of the elements; newer elements come into force between two
+passes), publisher.* (lead, rate, mask, how far to look, state_file and learned_file), mask.* (the
+horizon by azimuth: a pass begins and ends above both), uncertainty.* (errors of elements against
+their age).
 """
 
 from collections.abc import Callable
@@ -26,7 +25,7 @@ from std_srvs.srv import Trigger
 from rf_pointing.core.parameters import leaves
 from rf_pointing.ephemeris import Pass
 from rf_pointing.ephemeris.source import NO_TARGET
-from rf_pointing.ephemeris.target_offsets import TargetOffsets
+from rf_pointing.ephemeris.target_offsets import OffsetSets, TargetOffsets
 from rf_pointing.planning import PassProfile
 from rf_pointing.ros import convert, convert_planning
 from rf_pointing.ros.graph import HUMIDITY, PRESSURE, SATELLITE_ATTITUDE, TEMPERATURE
@@ -82,9 +81,12 @@ class EphemerisPublisher(StationNode):
             self.serve_action(kind, f"~/{word}_offsets", partial(self._offset, act))
         self.diagnostics.add_report("target", lambda: self.prediction.health(self.now_s()))
 
+    def use_band(self) -> None:
+        self.prediction.sets = OffsetSets(self.prediction.params.state_file, self.band)
+
     def activate(self) -> None:
+        # Without a pass: another target may be selected while the node is active.
         if no_pass := self.prediction.begin(self.now_s()):
-            # Another target may pass: it can only be selected while the node is active.
             self.get_logger().warning(no_pass)
         self.every(self.parameters.value("publisher").period_s, self._publish)
         self.every(RENEWAL_S, self._renew)
@@ -110,8 +112,7 @@ class EphemerisPublisher(StationNode):
     def _renew(self, now_s: float) -> None:
         news, bad = self.prediction.renew(now_s)
         self._mirror()
-        # Two lines: one line of code that logs at two levels raises.
-        if news and bad:
+        if news and bad:  # One line of code that logs at two levels raises.
             self.get_logger().warning(news)
         elif news:
             self.get_logger().info(news)

@@ -3,8 +3,11 @@
 Subscribes: monopulse; during a calibration scan joint_states and tracking_status.
 Publishes: pointing_error (one for every cluster; invalid ones carry their reason).
 Parameters: monopulse.*, calibration.*, calibration_file (empty: the ideal feed; read at
-configuration if it exists, written after every calibration scan).
+configuration if it exists, written after every calibration scan; of another band than the default,
+its name ends in the band).
 """
+
+from pathlib import Path
 
 from rf_pointing_msgs.msg import Monopulse, PointingError, TrackingStatus
 from sensor_msgs.msg import JointState
@@ -29,13 +32,20 @@ class MonopulseTrackerNode(StationNode):
         self._reads_joints = False
 
     def configure(self) -> None:
-        value, self._reads_joints = self.parameters.value, False
-        self._tracker = ClusterTracker(value("monopulse"), value("calibration"), value("").calibration_file)
+        self._reads_joints = False
+        self.use_band()
         self._errors = self.stream(PointingError, "pointing_error", STREAM)
         self.listen(Monopulse, "monopulse", self._on_cluster, STREAM, required=True)
         self.listen(TrackingStatus, "tracking_status", self._on_status, STREAM, required=True)
         self.diagnostics.add("clusters", self._health)
         self.diagnostics.add("calibration", self._calibration_health)
+
+    def use_band(self) -> None:
+        value, file = self.parameters.value, self.parameters.value("").calibration_file
+        if file and self.band != self.station.default_band:
+            # Each band has a feed of its own.
+            file = str(Path(file).with_stem(f"{Path(file).stem}_{self.band}"))
+        self._tracker = ClusterTracker(value("monopulse"), value("calibration"), file)
 
     def _on_cluster(self, message: Monopulse) -> None:
         if self.active:

@@ -4,7 +4,7 @@ Subscribes: target, joint_states, antenna_status, pointing_error, pointing_model
 weather/temperature (sensor_msgs/Temperature) for the thermal terms of a model, without which a pass
 is refused.
 Publishes: joint_trajectory and command_signature (10 Hz while a pass is tracked), tracking_status
-(10 Hz), pass_certificate (latched).
+(10 Hz), pass_certificate (latched), band_in_use (latched: the other nodes take it).
 Actions: track_pass (rf_pointing_msgs/TrackPass); a pass by satellite and time is one that
 ephemeris_publisher/select_target finds; scan (rf_pointing_msgs/Scan): the beam led around it.
 Services (std_srvs/Trigger): ~/stop ends the pass under control; ~/calibrate runs the circle on
@@ -19,6 +19,7 @@ from rf_pointing_msgs import msg as ours
 from sensor_msgs.msg import Temperature
 from std_srvs.srv import Trigger
 
+from rf_pointing.ephemeris.solar import SunPermit
 from rf_pointing.ros import convert, convert_planning
 from rf_pointing.ros.convert_calibration import model_from_message
 from rf_pointing.ros.convert_planning import profile_from_message
@@ -29,6 +30,7 @@ from rf_pointing.ros.station_node import StationNode
 from rf_pointing.ros.station_watches import ClockWatch, ExecutiveWatch
 from rf_pointing.ros.track_pass import TrackPassServer
 from rf_pointing.station.clients.goals import PassGoals
+from rf_pointing.station.derive.axes import feed_model
 from rf_pointing.station.pointing.controller import PointingController
 from rf_pointing.station.pointing.params import LIVE, ControllerParams
 from rf_pointing.tracking.sensors import load_trackers
@@ -42,19 +44,22 @@ class PointingControllerNode(StationNode):
 
     # What commands the antenna refuses a description that any node would refuse.
     CHECKS_EVERY_NODE = True
+    LEADS_BAND = True
 
     def __init__(self) -> None:
         # Before the declarations: `autotrack.sensor` takes their names.
         load_trackers()
         super().__init__("pointing_controller", live={**LIVE, "": True})
         self.parameters.on_change(self._retune)
+        self._permit: SunPermit | None = None
         self._goals: PassGoals | None = None
         self._server = TrackPassServer(self)
 
     def configure(self) -> None:
-        core = PointingController(self._params())
-        goals = self._goals = PassGoals(core, self._server, self._sensor, self.parameters.value(""))
+        core, store = PointingController(self._params()), self.parameters.value("")
+        goals = self._goals = PassGoals(core, self._server, self._sensor, store)
         real = self.station is not None and self.station.receiver != "simulated"
+        core.take_model(feed_model(self.station.content, self.band))
         if self.get_parameter("use_sim_time").value and not real:
             # Simulated time waits for the period, also on a busy machine.  What a real receiver
             # measures comes only as time goes on.
@@ -62,20 +67,27 @@ class PointingControllerNode(StationNode):
         self._server.configure(goals, self.parameters.value("key"))
 
         def take_status(message: ours.AntennaStatus) -> None:
-            core.take_antenna(message.mode, message.fault)
-            core.permit_sun(convert_planning.sun_permit_from_message(message), self.band)
+            self._permit = convert_planning.sun_permit_from_message(message)
+            goals.controller.take_antenna(message.mode, message.fault)
+            goals.controller.permit_sun(self._permit, self.band)
 
         def take_profiles(message: ours.PassProfileList) -> None:
-            core.take_profiles([profile_from_message(each) for each in message.profiles])
+            profiles = [profile_from_message(each) for each in message.profiles]
+            goals.controller.take_profiles(profiles)
 
         def take_error(message: ours.PointingError) -> None:
-            core.take_error(convert.error_from_message(message))
+            goals.controller.take_error(convert.error_from_message(message))
+
+        def take_model(message: ours.PointingModel) -> None:
+            # The calibrator may not have followed to this band yet.
+            if message.band in ("", self.band):
+                goals.take_model(model_from_message(message), message.band)
 
         target = convert.target_from_message
-        self.listen(ours.Target, "target", lambda m: core.take_target(target(m)), STREAM, required=True)
+        self.listen(ours.Target, "target", lambda m: goals.controller.take_target(target(m)), STREAM, required=True)
         self.listen(ours.AntennaStatus, "antenna_status", take_status, STATUS, steady=True, required=True)
         self.listen(ours.PointingError, "pointing_error", take_error, STREAM)
-        self.listen(ours.PointingModel, "pointing_model", lambda m: goals.take_model(model_from_message(m)), LATCHED)
+        self.listen(ours.PointingModel, "pointing_model", take_model, LATCHED)
         self.listen(Temperature, TEMPERATURE, self._on_temperature, STREAM)
         self.listen(ours.PassProfileList, "pass_profiles", take_profiles, LATCHED)
         self.serve_action(Trigger, "~/stop", self._stop, urgent=True)
@@ -96,6 +108,13 @@ class PointingControllerNode(StationNode):
     def turn(self) -> float:
         longest_s = super().turn()
         return min(self._goals.turn(self.now_s(), time.perf_counter()), longest_s) if self._goals else longest_s
+
+    def use_band(self) -> None:
+        senders = self.get_publishers_info_by_topic("pointing_model")
+        calibrated = any(each.node_name == "bias_calibrator" for each in senders)
+        model = feed_model(self.station.content, self.band)
+        self._goals.use_band(self._params(), model, calibrated=calibrated)
+        self._goals.controller.permit_sun(self._permit, self.band)
 
     def _sensor(self, sensor: str) -> str:
         assert self.station is not None

@@ -35,6 +35,10 @@ class RfReceiver(StationNode):
         self.listen(Boresight, "sim/boresight", self._on_boresight, SAMPLES, required=True)
         self.listen(PassList, "passes", self._on_passes, LATCHED)
 
+    def use_band(self) -> None:
+        before, mount = self._receiver, kinematics_of(self.station.content)
+        self._receiver = SimulatedReceiver(self.parameters.value("signal"), before.track, mount)
+
     def _on_passes(self, message: PassList) -> None:
         """Tune to the satellite that the ephemeris publisher predicts."""
         if message.target and message.target != self._receiver.target:

@@ -27,16 +27,24 @@ class SignalReceiverNode(StationNode):
         self._receiver: SignalReceiver | None = None
 
     def configure(self) -> None:
+        self._receive()
+        self._at_cleanup.callback(lambda: self._receiver.end())
+        self._power = self.stream(CarrierPower, "carrier_power", STREAM)
+        self._monopulse = self.stream(Monopulse, "monopulse", STREAM)
+        self.listen(Target, "target", self._on_target, STREAM)
+        self.diagnostics.add("signal", self._health)
+
+    def _receive(self) -> None:
         simulated = self.get_parameter("use_sim_time").value
         now_s = SmoothClock(self.now_s).now_s if simulated else self.now_s
         self._receiver = SignalReceiver(self.parameters.value("receiver"), now_s)
         if simulated:
             self._receiver.source.steady_s = now_s
-        self._at_cleanup.callback(self._receiver.end)
-        self._power = self.stream(CarrierPower, "carrier_power", STREAM)
-        self._monopulse = self.stream(Monopulse, "monopulse", STREAM)
-        self.listen(Target, "target", self._on_target, STREAM)
-        self.diagnostics.add("signal", self._health)
+
+    def use_band(self) -> None:
+        # The device is opened anew, on the frequency of the band.
+        self._receiver.end()
+        self._receive()
 
     def _on_target(self, message: Target) -> None:
         target = convert.target_from_message(message)

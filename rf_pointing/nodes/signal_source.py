@@ -8,6 +8,7 @@ Parameters: source.*, signal.* as rf_receiver; sdr.* (radio and transmitter), ou
 
 from rf_pointing_msgs.msg import Boresight, PassList, PointingError
 
+from rf_pointing.ephemeris import TopocentricTrack
 from rf_pointing.ephemeris.element_updates import ElementUpdates
 from rf_pointing.ephemeris.source import SourceParams, load_track
 from rf_pointing.receiver.serving import Outlet, make_outlet
@@ -17,7 +18,7 @@ from rf_pointing.ros.main_loop import run
 from rf_pointing.ros.qos import LATCHED, SAMPLES, STREAM
 from rf_pointing.ros.station_node import StationNode
 from rf_pointing.station.antenna.radio import SimulatedRadio, seeded
-from rf_pointing.station.antenna.receiver import SignalParams
+from rf_pointing.station.antenna.receiver import RadioParams, SignalParams
 from rf_pointing.station.derive.axes import kinematics_of
 
 
@@ -31,17 +32,24 @@ class SignalSource(StationNode):
         self._ticks = 0
 
     def configure(self) -> None:
-        value, source = self.parameters.value, self.parameters.value("source")
+        source: SourceParams = self.parameters.value("source")
         ElementUpdates(source.elements).require()
-        signal, radio = value("signal"), value("sdr")
-        mount = kinematics_of(self.station.content)
-        self._radio = SimulatedRadio(signal, seeded(radio, signal.seed), load_track(source), mount)
-        self._outlet = make_outlet(value("outlet"), radio.generator.rate_hz, radio.centre_hz)
+        radio = self._tune(load_track(source))
+        self._outlet = make_outlet(self.parameters.value("outlet"), radio.generator.rate_hz, radio.centre_hz)
         self._at_cleanup.callback(self._outlet.close)
         self._truth = self.stream(PointingError, "sim/pointing_error", STREAM)
         self.listen(Boresight, "sim/boresight", self._on_boresight, SAMPLES)
         self.listen(PassList, "passes", self._on_passes, LATCHED)
         self.diagnostics.add("samples", self._health)
+
+    def _tune(self, track: TopocentricTrack) -> RadioParams:
+        signal, radio = self.parameters.value("signal"), self.parameters.value("sdr")
+        mount = kinematics_of(self.station.content)
+        self._radio = SimulatedRadio(signal, seeded(radio, signal.seed), track, mount)
+        return radio
+
+    def use_band(self) -> None:
+        self._outlet.centre_hz = self._tune(self._radio.track).centre_hz
 
     def _on_passes(self, message: PassList) -> None:
         """Tune to the satellite that the ephemeris publisher predicts."""

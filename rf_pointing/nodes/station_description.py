@@ -61,9 +61,9 @@ class StationDescriptionNode(StationNode):
     def configure(self) -> None:
         params: ViewParams = self.parameters.value("view")
         content = self.station.content
-        numbers, self._mount = Band(content, self.band), kinematics_of(content)
+        self._mount = kinematics_of(content)
         self._radius_m = params.radius_m or SIZES * size_m(self.station)
-        self._beamwidth_rad = math.radians(numbers.beamwidth_deg)
+        self.use_band()
         self._zone_rad = math.radians(self.station.content.sun.radius_deg)
         self._base, self._beam = (frame_in(self.get_namespace(), name) for name in (BASE, BEAM))
         self._sun = SolarDirection(SunParams(watched=self._zone_rad > 0.0, site=self.station.site))
@@ -79,6 +79,9 @@ class StationDescriptionNode(StationNode):
         self._tf = self._describe(params.publish_tf)
         self._draw_sky()
         self.diagnostics.add("view", self._health)
+
+    def use_band(self) -> None:
+        self._beamwidth_rad = math.radians(Band(self.station.content, self.band).beamwidth_deg)
 
     def _describe(self, joints: bool) -> Any:
         """Publish URDF and what is fixed; return the publisher of the joints' transforms."""

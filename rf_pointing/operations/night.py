@@ -69,12 +69,13 @@ class Night:
         *,
         quiet_s: float = 600.0,
         sensor: str = "auto",
+        band: str = "",
         least_share: float = LEAST_SHARE,
         notify: Callable[[str, Alarm], None] = lambda _event, _alarm: None,
         save: Callable[[], None] = lambda: None,
     ) -> None:
         self.schedule, self.procedure, self.table = schedule, procedure, table
-        self.sensor, self.least_share = sensor, least_share
+        self.sensor, self.band, self.least_share = sensor, band, least_share
         self.expected_state = ExpectedState()
         self.book = AlarmBook(notify, quiet_s)
         self.recovery = Recovery(table, self.expected_state, self.book)
@@ -393,8 +394,12 @@ class Night:
 
     def _end_entry(self, entry: Entry, work: PassWork | None, now_s: float) -> None:
         """Write the record of a pass that is over."""
-        self.records.append(record_of(entry, work, self.book, self.expected_state))
+        self._record(entry, work)
         self._note(now_s, entry.item.id, str(entry.state), entry.reason)
+
+    def _record(self, entry: Entry, work: PassWork | None) -> None:
+        record = record_of(entry, work, self.book, self.expected_state, self.band)
+        self.records.append(record)
 
     def _step_between(self, now_s: float, effect: str, cause: str) -> None:
         """Begin the next pass when it is due, and rest until then."""
@@ -447,7 +452,7 @@ class Night:
         for entry in self.schedule.entries.values():
             if entry.state in (PassState.WAITING, PassState.YIELDS) and entry.planned:
                 self.schedule.end(entry, left, why)
-                self.records.append(record_of(entry, None, self.book, self.expected_state))
+                self._record(entry, None)
         self.reason, self.ended_s = why, now_s
         self._become(NightState.IDLE, now_s, "ended", why)
 
@@ -466,6 +471,7 @@ class Night:
         left_s = max(0.0, item.los_t_s - now_s)
         known = {
             "id": item.id, "target": item.target, "sensor": item.sensor or self.sensor,
+            "band": item.band or self.band,
             "search_from": max(0.0, item.aos_t_s - SEARCH_BACK_S), "patience_s": left_s + PATIENCE_S,
             "aos": item.aos_t_s, "los": item.los_t_s, "name": item.name, "priority": item.priority,
         }  # fmt: skip

@@ -76,7 +76,7 @@ def row_of(item: ScheduledPass) -> dict[str, Any]:
         **{name: None if value is None else math.degrees(value) for name, value in zip(_PATH, path, strict=True)},
         "aos_elevation_deg": math.degrees(item.elevation_rad[0]),
         "los_elevation_deg": math.degrees(item.elevation_rad[1]),
-        "antenna": item.antenna, "sensor": item.sensor,
+        "antenna": item.antenna, "sensor": item.sensor, "band": item.band,
         "element_age_h": None if math.isnan(item.element_age_s) else item.element_age_s / 3600.0,
         "filler": item.filler,
     }  # fmt: skip
@@ -275,6 +275,7 @@ def _pass_of(number: int, row: Mapping[str, Any]) -> ScheduledPass:
             ),
             antenna=_text(row, "antenna"),
             sensor=_text(row, "sensor"),
+            band=_text(row, "band"),
             element_age_s=3600.0 * _number(row, "element_age_h"),
             filler=_flag(row, "filler"),
         )

@@ -38,6 +38,7 @@ class PassRecord:
     recorded: bool
     priority: int = 0
     filler: bool = False
+    band: str = ""
 
 
 @dataclass(slots=True)
@@ -99,8 +100,13 @@ class PassWork:
         return kept | {"executor": self.executor.state()}
 
 
-def record_of(entry: Entry, work: PassWork | None, book: AlarmBook, seen: ExpectedState) -> PassRecord:
-    """Return the record of a pass that has ended; `work` is None for one that has not begun."""
+def record_of(
+    entry: Entry, work: PassWork | None, book: AlarmBook, seen: ExpectedState, band: str = ""
+) -> PassRecord:  # fmt: skip
+    """Return the record of a pass that has ended, in `band` unless it names one.
+
+    `work` is None for a pass that has not begun.
+    """
     item, age_h, recorded = entry.item, None, False
     causes = causes_between(book, item.aos_t_s, item.los_t_s)
     if not math.isnan(item.element_age_s):
@@ -115,7 +121,7 @@ def record_of(entry: Entry, work: PassWork | None, book: AlarmBook, seen: Expect
         id=item.id, name=item.name or item.target, aos_t_s=item.aos_t_s, los_t_s=item.los_t_s, state=str(entry.state),
         reason=entry.reason, tracked_s=entry.tracked_s, lost_s=entry.lost_s, loss_db=entry.loss_db,
         attempts=work.number if work else 0, causes=tuple(dict.fromkeys(causes)), element_age_h=age_h, recorded=recorded,
-        filler=item.filler,
+        filler=item.filler, band=item.band or band,
     )  # fmt: skip
 
 

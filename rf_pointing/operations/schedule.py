@@ -65,6 +65,7 @@ class ScheduledPass:
     elevation_rad: Pair = (0.0, 0.0)
     antenna: str = ""
     sensor: str = ""
+    band: str = ""
     element_age_s: float = math.nan
     filler: bool = False
     """Whether it is a piece of a longer stay, in a gap between passes."""
@@ -74,7 +75,7 @@ class ScheduledPass:
             object.__setattr__(self, "id", f"{id_of(self.target)}-{round(0.5 * (self.aos_t_s + self.los_t_s))}")
         # The name of its recording's folder.
         require_id("id", self.id)
-        for key in ("target", "name", "antenna", "sensor"):
+        for key in ("target", "name", "antenna", "sensor", "band"):
             require_name(key, getattr(self, key))
         if not self.target:
             raise ValueError(f"target='' of pass {self.id!r} must name a satellite")

@@ -146,6 +146,8 @@ class Certificate:
     """Least and most that is expected with the beam on the target, () if it is not known."""
     mount: Kinematics = LEVEL
     """The mount whose axes the branches move, its tilt axis set for this pass."""
+    band: str = ""
+    """Band of the station, "" if it is not known."""
 
     @property
     def chosen(self) -> Branch | None:

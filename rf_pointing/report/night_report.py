@@ -226,7 +226,8 @@ def page(report: NightReport, causes: Mapping[str, str] | None = None) -> str:
 def _row(one: PassRecord, causes: Mapping[str, str] | None = None) -> dict[str, Any]:
     return {
         "cause": (causes or {}).get(one.id, ""),
-        "clock": _clock(one.aos_t_s)[:5], "name": one.name, "state": one.state, "why": _why(one),
+        "clock": _clock(one.aos_t_s)[:5], "name": f"{one.name}, {one.band} band".removesuffix(",  band"),
+        "state": one.state, "why": _why(one),
         "lost_s": round(one.lost_s), "loss_db": one.loss_db,
         "held": 100.0 * one.tracked_s / max(1.0, one.los_t_s - one.aos_t_s),
         "report": f"../passes/{quote(one.id)}/report.html" if one.recorded else "",

@@ -24,10 +24,10 @@ from rf_pointing.ros.diagnostics import Health
 from rf_pointing.ros.graph import COMMANDS, SIGNATURES, WIND
 from rf_pointing.ros.identification_server import IdentificationServer
 from rf_pointing.ros.leased_services import LeasedServices
-from rf_pointing.ros.managed import ManagedNode
 from rf_pointing.ros.qos import COMMAND_INPUT, SAMPLES, STATUS, STREAM
 from rf_pointing.ros.signed_commands import CommandPairs
 from rf_pointing.ros.stamps import seconds_from_stamp
+from rf_pointing.ros.station_node import StationNode
 from rf_pointing.ros.streams import STAMP_RESOLUTION_S, checked_message
 from rf_pointing.station.antenna.control_unit import AntennaStatus as ControlUnitStatus
 from rf_pointing.station.antenna.modes import OPERATED
@@ -46,7 +46,7 @@ POINT_BYTES = 112
 class AntennaServer:
     """Belongs to one node; `serve` connects it with the operation."""
 
-    def __init__(self, node: ManagedNode, key: CommandKeyParams, identification: IdentificationServer) -> None:
+    def __init__(self, node: StationNode, key: CommandKeyParams, identification: IdentificationServer) -> None:
         self._node, self._identification = node, identification
         self._joints = node.publisher(JointState, "joint_states", STREAM)
         self._boresight = node.stream(Boresight, "sim/boresight", SAMPLES)
@@ -57,8 +57,8 @@ class AntennaServer:
         self._early = deque[tuple[JointTrajectory, str, float]](maxlen=MOST_EARLY)
         self._ticked_s = -math.inf
 
-    def serve(self, operation: AntennaOperation, longest: Callable[[], int], band: str) -> None:
-        """Take commands of at most `longest()` points, and requests; `band` is in use."""
+    def serve(self, operation: AntennaOperation, longest: Callable[[], int]) -> None:
+        """Take commands of at most `longest()` points, and requests."""
         node, antenna = self._node, operation.antenna
         self._operation, self._axes = operation, antenna.safety.params.kinematics.axes
         pairs = self._pairs = CommandPairs(
@@ -80,7 +80,7 @@ class AntennaServer:
         jog = lambda r: _do("jog", partial(antenna.jog, (r.azimuth, r.elevation)), r)  # noqa: E731
         self.leased.serve(Jog, "jog", jog)
         self.leased.serve(StowInFault, "stow_in_fault", self._stow_in_fault)
-        self.leased.serve(PermitSun, "permit_sun", lambda r: self._permit_sun(r, band))
+        self.leased.serve(PermitSun, "permit_sun", self._permit_sun)
         node.diagnostics.add_report("drive", lambda: operation.drive_report(node.now_s()))
         node.diagnostics.add("commanders", self._commanders)
 
@@ -144,12 +144,12 @@ class AntennaServer:
         _do("", partial(self._operation.antenna.stow_in_fault, request.fault), request)
         return "stowing the elevation; the azimuth is braked, and the fault stays latched"
 
-    def _permit_sun(self, request: PermitSun.Request, band: str) -> str:
+    def _permit_sun(self, request: PermitSun.Request) -> str:
         permit = None
         if request.by:
             until_t_s = seconds_from_stamp(request.until)
             permit = SunPermit(by=request.by, band=request.band, until_t_s=until_t_s)
-        _do("", lambda: self._operation.antenna.permit_sun(permit, band), request)
+        _do("", lambda: self._operation.antenna.permit_sun(permit, self._node.band), request)
         text = permit.text if permit else "the Sun is no longer permitted"
         self._node.get_logger().warning(text)
         return text

@@ -6,6 +6,8 @@ from rf_pointing_msgs.msg import PointingModel
 
 from rf_pointing.calibration import BiasModel, FitResult, ModelVersion
 from rf_pointing.core import MDEG
+from rf_pointing.station.derive.axes import feed_model
+from rf_pointing.station.description import StationDescription
 
 
 def model_to_message(file: ModelVersion) -> PointingModel:
@@ -14,7 +16,7 @@ def model_to_message(file: ModelVersion) -> PointingModel:
     covariance = np.zeros((len(names), len(names)))
     places = [names.index(term) for term in file.fitted]
     covariance[np.ix_(places, places)] = file.covariance
-    message = PointingModel(name=file.name, station=file.station, terms=names)
+    message = PointingModel(name=file.name, station=file.station, band=file.band, terms=names)
     message.values = [float(value) for value in file.model.coefficients.values()]
     message.covariance = covariance.ravel().tolist()
     return message
@@ -47,7 +49,14 @@ def fit_to_result(fit: FitResult, file: ModelVersion, warnings: tuple[str, ...])
     )
 
 
-def no_model_to_message(station: str) -> PointingModel:
-    """Return the model that corrects nothing."""
-    zero = BiasModel.zero().coefficients
-    return PointingModel(name="none", station=station, terms=list(zero), values=list(zero.values()))
+def in_force_to_message(
+    file: ModelVersion | None, station: StationDescription, band: str
+) -> PointingModel:  # fmt: skip
+    """Return the model in force; without a file the one of the feed, which is zero on the axis."""
+    if file is not None:
+        return model_to_message(file)
+    feed = feed_model(station.content, band)
+    name = "feed offset" if feed != BiasModel.zero() else "none"
+    message = PointingModel(name=name, station=station.name, band=band, terms=list(feed.coefficients))
+    message.values = list(feed.coefficients.values())
+    return message

@@ -77,7 +77,7 @@ DESCRIPTION = "station_description"
 """The node that shows a station to viewers; a station without it is whole."""
 OPERATOR_PAGE = "operator_page"
 """The node of the page in a browser; it moves nothing by itself."""
-STATION_IN_USE = "station_in_use"
+STATION_IN_USE, BAND_IN_USE = "station_in_use", "band_in_use"
 COMMANDS, SIGNATURES = "joint_trajectory", "command_signature"
 SCHEDULE = "schedule"
 EXECUTIVE_STATUS = "executive_status"
@@ -128,6 +128,7 @@ GRAPH = (
     GraphNode(
         "pointing_controller",
         (
+            Topic(BAND_IN_USE, ours.StationInUse, LATCHED, "latched", meaning="band of every node"),
             Topic("pass_certificate", ours.PassCertificate, LATCHED, "latched"),
             Topic(SIGNATURES, ours.CommandSignature, STREAM, "10 Hz", meaning="who sends each command, signed"),
             Topic(COMMANDS, JointTrajectory, COMMAND, "10 Hz, 0.1 to 1 s ahead"),

@@ -232,7 +232,9 @@ def _station_processes(
     simulated = "simulation_clock" in names
     if values["params_file"] and not Path(values["params_file"]).is_file():
         raise ValueError(f"params_file:={values['params_file']} does not exist")
-    if Sensor.ARRAY in station.sensors(values["band"] or None):
+    # Refuses an unknown band; the array may be that of another one.
+    _ = station.sensors(values["band"] or None)
+    if Sensor.ARRAY in station.every_sensor:
         # A real array has receivers of its own.
         names = (*names, *(ARRAY_NODES if simulated else ARRAY_NODES[1:]))
     if values["description"]:

@@ -35,14 +35,14 @@ class ParameterGroups:
         self._node = node
         self._groups: dict[str, Params] = {}
         self._owner: dict[str, tuple[str, str]] = {}
-        self._listeners: list[Callable[[], None]] = []
+        self._listeners: list[Callable[[], object]] = []
         self._checks: list[Callable[[Mapping[str, Any]], None]] = []
         self.live: set[str] = set()
         """Parameters that may change while the node is configured."""
         self._station: Mapping[str, Any] = {}
         self.station_key: Callable[[str], str] = lambda _name: ""
         self.reasons: list[str] = []
-        self.configured = False
+        self.configured = self._restates = False
         node.add_on_set_parameters_callback(self._try)
         node.add_post_set_parameters_callback(self._apply)
 
@@ -107,7 +107,28 @@ class ParameterGroups:
             if not result.successful:
                 raise ValueError(result.reason)
 
-    def on_change(self, listener: Callable[[], None]) -> None:
+    def restate(self, changed: Mapping[str, Any], station: Mapping[str, Any]) -> None:
+        """Take other numbers of the description, of another band; a file keeps its own.
+
+        `changed` are values by parameter name, `station` all that it gives from now on.
+        """
+        given = []
+        for name, value in changed.items():
+            if name == "band" or self.station_key(name) or not self._overridden(name):
+                group, edge = self._owner[name]
+                plain = _of_type(leaves(self._groups[group])[edge][0].type, value)
+                # rclpy takes an empty list for one of bytes.
+                kind = Parameter.Type.DOUBLE_ARRAY if plain == () else None
+                given.append(Parameter(name, kind, list(plain) if isinstance(plain, tuple) else plain))
+        self._station, self._restates = station, True
+        try:
+            result = self._node.set_parameters_atomically(given)
+        finally:
+            self._restates = False
+        if not result.successful:
+            raise ValueError(result.reason)
+
+    def on_change(self, listener: Callable[[], object]) -> None:
         """Call `listener` after every accepted change."""
         self._listeners.append(listener)
 
@@ -183,9 +204,11 @@ class ParameterGroups:
 
     def _try(self, changes: list[Parameter]) -> SetParametersResult:
         try:
-            self._refuse_late(changes)
+            if not self._restates:
+                self._refuse_late(changes)
             candidates = self._candidates(changes)
-            for check in self._checks if candidates else ():
+            # Every band of a description has been checked; what guards an antenna is its own.
+            for check in self._checks if candidates and not self._restates else ():
                 check(self._groups | candidates)
         except ValueError as error:
             return SetParametersResult(successful=False, reason=str(error))

@@ -11,6 +11,10 @@ from typing import Any
 from rcl_interfaces.srv import GetParameters
 from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
+from rf_pointing_msgs.msg import Pass
+from rf_pointing_msgs.srv import SelectTarget
+
+from rf_pointing.ros.stamps import seconds_from_stamp, stamp_from_seconds
 
 AGAIN_S = 5.0
 
@@ -47,6 +51,13 @@ class RepeatedCall:
         for each in late:
             self._client.remove_pending_request(each)
         return next((each.result() for each in self._futures if each not in late), None)
+
+
+def call_for_pass(select: Any, wanted: Pass) -> RepeatedCall:
+    """Return the call by which the ephemeris publisher takes the target of a pass."""
+    # A pass may rise two hours before the piece of it that is wanted.
+    start = stamp_from_seconds(seconds_from_stamp(wanted.aos) - 7200.0)
+    return RepeatedCall(select, SelectTarget.Request(target=wanted.target, start=start))
 
 
 class ParametersOf:

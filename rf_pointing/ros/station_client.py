@@ -329,6 +329,7 @@ class StationClient(GraphRun):
         near_s: float | None = None,
         output: Path | None = None,
         *,
+        band: str = "",
         record: bool = True,
     ) -> bool:
         """Track the pass at or nearest to `near_s` (None: the next), with recording and report.
@@ -342,7 +343,8 @@ class StationClient(GraphRun):
         folder = output or Path("runs") / stem
         if (folder / "bag").exists():
             raise NotStartedError(f"output={folder} holds a bag already")
-        goal = TrackPass.Goal(satellite=satellite, sensor=sensor, minimum_peak_elevation=min_peak_rad)
+        goal = TrackPass.Goal(satellite=satellite, sensor=sensor, band=band)
+        goal.minimum_peak_elevation = min_peak_rad
         if near_s is not None:
             goal.near = stamp_from_seconds(near_s)
         live = LivePass(self)

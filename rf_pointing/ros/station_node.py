@@ -2,7 +2,8 @@
 
 Every node publishes, latched on `station_in_use`, which description it runs on.  Nodes with
 different limits or another horizon are how antennas get damaged, so the pointing controller refuses
-a pass while a node of its namespace differs.
+a pass while a node of its namespace differs.  The band in use may change between two passes: every
+node takes that of the controller, with the numbers that it would begin with.
 """
 
 from collections.abc import Collection, Mapping
@@ -14,9 +15,9 @@ from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rf_pointing_msgs.msg import StationInUse
 
 from rf_pointing.core import Params, parameter
-from rf_pointing.ros.graph import STATION_IN_USE
+from rf_pointing.ros.graph import BAND_IN_USE, STATION_IN_USE
 from rf_pointing.ros.managed import ManagedNode
-from rf_pointing.ros.qos import IN_USE
+from rf_pointing.ros.qos import IN_USE, LATCHED
 from rf_pointing.station.derive.nodes import NODES, reference
 from rf_pointing.station.description import StationDescription, owner, read_station, shipped_stations
 
@@ -39,6 +40,8 @@ class StationNode(ManagedNode):
     """
 
     CHECKS_EVERY_NODE = False
+    LEADS_BAND = False
+    """Whether the other nodes take the band of this one, which publishes it on `band_in_use`."""
 
     def __init__(
         self, name: str, live: Mapping[str, bool | Collection[str]] = MappingProxyType({}),
@@ -47,6 +50,7 @@ class StationNode(ManagedNode):
         super().__init__(name)
         self.parameters.declare("", StationParams(), group="description")
         self.station: StationDescription | None = None
+        self._led_to = ""
         choice: StationParams = self.parameters.value("description")
         try:
             if not choice.station:
@@ -72,12 +76,63 @@ class StationNode(ManagedNode):
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         result = super().on_configure(state)
         if result == TransitionCallbackReturn.SUCCESS and self.station is not None:
-            message = StationInUse(
-                node=self.get_fully_qualified_name(),
-                station=self.station.name,
-                band=self.band,
-                digest=self.station.digest,
-            )
-            message.header.stamp = self.get_clock().now().to_msg()
-            self.publisher(StationInUse, STATION_IN_USE, IN_USE).publish(message)
+            self._in_use = [self.publisher(StationInUse, STATION_IN_USE, IN_USE)]
+            if self.LEADS_BAND:
+                self._in_use.append(self.publisher(StationInUse, BAND_IN_USE, LATCHED))
+            else:
+                self.listen(StationInUse, BAND_IN_USE, self._on_band, LATCHED)
+            self._announce()
         return result
+
+    def _announce(self) -> StationInUse:
+        assert self.station is not None
+        name, station = self.get_fully_qualified_name(), self.station
+        message = StationInUse(node=name, station=station.name, band=self.band, digest=station.digest)
+        message.header.stamp = self.get_clock().now().to_msg()
+        for publisher in self._in_use:
+            publisher.publish(message)
+        return message
+
+    # The band
+
+    def use_band(self) -> None:
+        """Make anew what was made of the parameters, which are now those of another band."""
+
+    def change_band(self, band: str) -> StationInUse:
+        """Take the numbers of another band; return what is published of it.
+
+        ValueError leaves the node as it was.
+        """
+        before = self.band
+        try:
+            self._restate(band)
+            self.use_band()
+        except (ValueError, OSError) as error:
+            self._restate(before)
+            self.use_band()
+            raise ValueError(f"{band} band: {error}") from error
+        return self._announce()
+
+    def _restate(self, band: str) -> None:
+        assert self.station is not None
+        name, defaults = self.get_name(), reference(self.get_name()).names
+        old, new = (self.station.parameters(name, each) for each in (self.band, band))
+        differ = [each for each in {**old, **new} if old.get(each) != new.get(each)]
+        changed = {each: new.get(each, defaults[each]) for each in differ}
+        self.band = band
+        self.parameters.restate({**changed, "band": band}, new)
+
+    def follow_band(self) -> None:
+        """Take the band of the pointing controller, if it is another one."""
+        band, self._led_to = self._led_to, ""
+        if band not in ("", self.band):
+            try:
+                self.change_band(band)
+            except ValueError as error:
+                self.log_once("band not changed", str(error), error=True)
+
+    def _on_band(self, message: StationInUse) -> None:
+        # A controller on another description finds this node in its census, and moves nothing.
+        if self.station is not None and message.digest == self.station.digest:
+            self._led_to = message.band
+            self.follow_band()

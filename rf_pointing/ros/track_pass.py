@@ -22,12 +22,11 @@ from rf_pointing.planning import Certificate
 from rf_pointing.ros import convert, convert_planning
 from rf_pointing.ros.convert_planning import goal_from_message, goal_of_scan
 from rf_pointing.ros.graph import DESIGNATE, STATION_IN_USE
-from rf_pointing.ros.managed import ManagedNode
 from rf_pointing.ros.qos import IN_USE, LATCHED, STREAM
 from rf_pointing.ros.repeated_call import RepeatedCall
 from rf_pointing.ros.signed_commands import CommandSender
 from rf_pointing.ros.stamps import stamp_from_seconds
-from rf_pointing.ros.station_node import StationInUse
+from rf_pointing.ros.station_node import StationInUse, StationNode
 from rf_pointing.ros.station_watches import StationCensus
 from rf_pointing.station.clients.goals import PassGoal, PassGoals
 from rf_pointing.station.parameters import CommandKeyParams
@@ -48,7 +47,7 @@ class PassCall(RepeatedCall):
 class TrackPassServer:
     """Belongs to one node; `configure` connects it with the goals until cleanup."""
 
-    def __init__(self, node: ManagedNode) -> None:
+    def __init__(self, node: StationNode) -> None:
         self._node = node
         self._goals: Any = None
         self._handle: Any = None
@@ -111,6 +110,21 @@ class TrackPassServer:
 
     def difference(self) -> str:
         return self._census.difference(self._node)
+
+    def use_band(self, goal: PassGoal) -> bool:
+        node = self._node
+        assert node.station is not None
+        if goal.band in ("", node.band):
+            return False
+        # A sensor that the band does not have is refused before anything changes.
+        node.station.chosen_sensor(goal.sensor, goal.band)
+        # Its own message arrives later than the next look at the census.
+        self._census.note(node.change_band(goal.band))
+        node.get_logger().info(f"{goal.band} band: waits for every node to take it")
+        return True
+
+    def band(self) -> str:
+        return self._node.band
 
     def find(self, goal: PassGoal, from_s: float) -> PassCall:
         return PassCall(self._finders[goal.designated], SelectTarget.Request(

@@ -28,7 +28,7 @@ from rf_pointing.station.antenna.drive_antenna import DriveAntenna
 from rf_pointing.station.antenna.radio import SampledReceiver, SimulatedRadio, seeded
 from rf_pointing.station.antenna.receiver import Reception, SimulatedReceiver
 from rf_pointing.station.antenna.simulated_antenna import AntennaParams, SimulatedAntenna, SimulatedHardware
-from rf_pointing.station.derive.axes import kinematics_of
+from rf_pointing.station.derive.axes import feed_model, kinematics_of
 from rf_pointing.station.description import DEFAULT_STATION, StationDescription, read_station
 from rf_pointing.station.description.description import require_known
 from rf_pointing.station.pointing.certificates import pass_profile
@@ -129,7 +129,7 @@ class StationSetup:
             self.changes[node] |= values
         chosen = self.station.bias_model_file(self.band) if model is None else model
         if not isinstance(chosen, BiasModel):
-            chosen = read_model(chosen).model if chosen else BiasModel.zero()
+            chosen = read_model(chosen).model if chosen else feed_model(self.station.content, self.band)
         self.model = chosen.on(self.sets("pointing_controller")["kinematics"])
 
     def sets(self, node: str) -> dict[str, Any]:

@@ -132,5 +132,5 @@ def test_stations_that_disagree_are_refused_by_name(tmp_path: Path) -> None:
         given = {"stations": [shipped], "targets": [CBERS], "start": START} | options
         with pytest.raises(ValueError, match=wrong):
             rp.plan_network(**given)  # type: ignore[arg-type]
-    with pytest.raises(ValueError, match="of a plan of a network: give stations"):
-        shipped.plan([rp.elements("CBERS 2", band="X")], start=START)
+    with pytest.raises(ValueError, match="is of a network: give stations"):
+        shipped.plan([rp.elements("CBERS 2", contact_minutes=5.0)], start=START)

@@ -1,5 +1,6 @@
 """A small night on the live graph: two passes, an executive that is killed in the first one, the morning report."""
 
+import itertools
 import json
 import math
 import os
@@ -12,17 +13,19 @@ from typing import Any
 
 import pytest
 
+import rf_pointing as rp
+
 rclpy = pytest.importorskip("rclpy", reason="the graph needs ROS 2")
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.action import ActionClient
 from rf_pointing_msgs.action import RunSchedule
-from rf_pointing_msgs.msg import AntennaStatus, ExecutiveStatus, Schedule, TrackingStatus
+from rf_pointing_msgs.msg import AntennaStatus, ExecutiveStatus, PassCertificate, Schedule, StationInUse, TrackingStatus
 from rosgraph_msgs.msg import Clock
 
 from rf_pointing.commands import station
 from rf_pointing.operations.pass_list import to_json
-from rf_pointing.ros.graph import NODES
-from rf_pointing.ros.qos import LATCHED, STATUS, STREAM
+from rf_pointing.ros.graph import NODES, STATION_IN_USE
+from rf_pointing.ros.qos import IN_USE, LATCHED, STATUS, STREAM
 from rf_pointing.ros.stamps import seconds_from_stamp
 from test.faults.test_restarts import PACING, Stopwatch
 from test.simulation.night_plan import small_night
@@ -50,8 +53,11 @@ class LiveNight:
         self.live, self.folder, self.now_s = live, folder, 0.0
         self.schedule, self.status, self.lost = Schedule(), ExecutiveStatus(), {}
         self.tracking, self.antenna, self.statuses = TrackingStatus(), AntennaStatus(), 0
+        self.in_use: dict[str, list[str]] = {}
         self.healths: dict[str, tuple[int, str]] = {}
-        _, elements, self.passes = small_night(folder, **{"tuning.alarms.disk_free_gb": 0.001})
+        off_axis = {"bands.S.feed_offset.cross_elevation_deg": 0.9, "bands.S.feed_offset.elevation_deg": -0.6}
+        changes = {"tuning.alarms.disk_free_gb": 0.001, **off_axis}
+        _, elements, self.passes = small_night(folder, ("S", ""), **changes)
         source = f"{{source.elements: {elements}, source.satellite: '90001'}}"
         start_s = math.floor(self.passes[0].aos_t_s) - lead_s
         of_station = "".join(
@@ -75,6 +81,10 @@ class LiveNight:
         node.create_subscription(AntennaStatus, "antenna_status", lambda m: setattr(self, "antenna", m), STREAM)
         node.create_subscription(Clock, "clock", lambda m: setattr(self, "now_s", seconds_from_stamp(m.clock)), STREAM)
         node.create_subscription(DiagnosticArray, "/diagnostics", self._on_health, STREAM)
+        self.certified: list[str] = []
+        certified = lambda m: self.certified.append(m.band)  # noqa: E731
+        node.create_subscription(PassCertificate, "pass_certificate", certified, LATCHED)
+        node.create_subscription(StationInUse, STATION_IN_USE, self._on_station, IN_USE)
         self.processes = live.start([*nodes], self.yaml + own.read_text() + more, autostart=True, simulated=True)
         self.client = ActionClient(node, RunSchedule, "run_schedule")
 
@@ -86,6 +96,9 @@ class LiveNight:
             self.healths[status.name.partition("/")[2]] = int.from_bytes(status.level, "little"), status.message
             if status.name.endswith(": inputs"):
                 self.lost[status.name] = sum(int(pair.value) for pair in status.values if pair.key.startswith("lost "))
+
+    def _on_station(self, message: StationInUse) -> None:
+        self.in_use.setdefault(message.node.rpartition("/")[2], []).append(message.band)
 
     def start(self) -> None:
         self.live.spin_until(self.client.server_is_ready, "run_schedule")
@@ -179,6 +192,18 @@ def test_a_dead_executive_is_noticed_by_the_controller(night: LiveNight) -> None
     assert "station_executive has been silent" in words
 
 
+def test_each_pass_is_flown_and_recorded_in_its_band_and_no_node_is_restarted_for_it(night: LiveNight) -> None:
+    # The first is in the band of the feed that is off the axis; the executive came back in it.
+    # What is latched may be offered twice.
+    bands = {name: "".join(band for band, _ in itertools.groupby(seen)) for name, seen in night.in_use.items()}
+    followed = dict.fromkeys(set(NODES) - {"simulation_clock"}, "XSX")
+    assert bands == followed | {"station_executive": "XSXSX"}
+    for name, band in (("90001", "S"), ("90002", "X")):
+        bag = max((night.folder / "night" / "passes" / name).glob("bag*"))
+        assert rp.Recording(bag).notes["band"] == band
+    assert [band for band, _ in itertools.groupby(night.certified)] == ["S", "X"]
+
+
 def test_no_message_was_lost_and_the_morning_report_is_there(night: LiveNight) -> None:
     assert sum(night.lost.values()) == 0, night.lost
     (page,) = night.folder.glob("night/report-*/night.json")
@@ -186,6 +211,7 @@ def test_no_message_was_lost_and_the_morning_report_is_there(night: LiveNight) -
     assert [(each["id"], each["state"], each["recorded"]) for each in report["passes"]] == [
         ("90001", "tracked", True), ("90002", "tracked", True)
     ]  # fmt: skip
+    assert [each["band"] for each in report["passes"]] == ["S", "X"]
     assert report["held_share"] > 0.7
     assert (page.with_name("night.html")).stat().st_size > 3000
 

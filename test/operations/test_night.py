@@ -490,7 +490,7 @@ def test_a_pass_that_the_list_cuts_off_is_ended_there_and_counts_as_tracked() ->
 
 # Single steps
 
-GIVEN = ("id", "target", "sensor", "search_from", "patience_s", "aos", "los", "name", "priority")
+GIVEN = ("id", "target", "sensor", "band", "search_from", "patience_s", "aos", "los", "name", "priority")
 NAMES: dict[str, tuple[str, ...]] = {
     "track": GIVEN, "unwind": ("azimuth", "elevation"),
     **dict.fromkeys(("record", "end_record", "park", "stow", "stop_pass", "reset"), ()),
@@ -608,14 +608,15 @@ def test_a_pass_begins_a_minute_before_its_rise_with_all_that_the_schedule_says(
     assert one.at(940.0) == []
     assert one.at(940.5) == ["record", "track"]
     assert one.sent[1] == (2, "track", {
-        "id": "a", "target": "a", "sensor": "auto", "search_from": 940.0, "patience_s": 720.0, "aos": 1000.0,
+        "id": "a", "target": "a", "sensor": "auto", "band": "", "search_from": 940.0, "patience_s": 720.0, "aos": 1000.0,
         "los": 1600.0, "name": "nm", "priority": 4,
     })  # fmt: skip
-    # No search begins before 1970, and a pass may have a sensor of its own.
-    for own, usual in (("", "program"), ("array", "program")):
-        one = Bench(a_pass("a", 30.0, sensor=own), sensor=usual)
+    # No search begins before 1970, and a pass may have a sensor and a band of its own.
+    for sensor, band in (("", ""), ("array", "S")):
+        one = Bench(a_pass("a", 30.0, sensor=sensor, band=band), sensor="program", band="X")
         one.track(1.0)
-        assert (one.sent[1][2]["sensor"], one.sent[1][2]["search_from"]) == (own or usual, 0.0)
+        given = one.sent[1][2]
+        assert (given["sensor"], given["band"], given["search_from"]) == (sensor or "program", band or "X", 0.0)
 
 
 @pytest.mark.parametrize("missing", ["azimuth", "elevation", "new"])

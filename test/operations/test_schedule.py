@@ -282,7 +282,9 @@ def test_the_next_pass_is_the_first_that_is_planned_and_waits() -> None:
 
 def test_a_restored_schedule_is_the_same_in_every_field() -> None:
     schedule = schedule_of(
-        a_pass("a", 1000.0, element_age_s=7200.0, name="n", sensor="s", antenna="gs1", priority=4, peak_rad=1.25),
+        a_pass(
+            "a", 1000.0, element_age_s=7200.0, name="n", sensor="s", band="S", antenna="gs1", priority=4, peak_rad=1.25
+        ),
         a_pass("b", 5000.0, azimuth_path_rad=None),
     )
     entry = schedule.entry("a")

@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -44,31 +45,33 @@ def as_omm(one: Elements) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def plan(station: Any) -> tuple[list[Elements], list[ScheduledPass]]:
+def plan(station: Any, bands: Sequence[str]) -> tuple[list[Elements], list[ScheduledPass]]:
     """Return the satellites and their passes through the top of the sky."""
-    satellites, found = orbits(2), []
+    satellites, found = orbits(len(bands)), []
     above = math.radians(MASK_DEG)
-    for one in satellites:
+    for one, band in zip(satellites, bands, strict=True):
         track = TopocentricTrack(one, station.site)
-        begin_s = EPOCH_S if not found else found[0].aos_t_s - 60.0
+        begin_s = EPOCH_S if not found else found[-1].aos_t_s - 60.0
         window = next(
             w for w in find_passes(track, begin_s, 3.0 * DAY_S, above) if w.peak_elevation_rad > math.radians(70.0)
         )
         found.append(ScheduledPass(
-            id=f"{one.catalogue_number}", target=str(one.catalogue_number), name=one.name, aos_t_s=window.aos_t_s,
+            id=f"{one.catalogue_number}", target=str(one.catalogue_number), name=one.name, band=band, aos_t_s=window.aos_t_s,
             los_t_s=window.los_t_s, peak_rad=window.peak_elevation_rad, elevation_rad=(above, above),
             azimuth_path_rad=(window.aos_azimuth_rad, window.azimuth_min_rad, window.azimuth_max_rad, window.los_azimuth_rad),
         ))  # fmt: skip
     return satellites, found
 
 
-def small_night(folder: Path, **changes: Any) -> tuple[StationDescription, Path, list[ScheduledPass]]:
+def small_night(
+    folder: Path, bands: Sequence[str] = ("", ""), **changes: Any
+) -> tuple[StationDescription, Path, list[ScheduledPass]]:
     """Write station and elements into `folder`; return both, and the passes."""
     path, elements = folder / "station.yaml", folder / "elements.json"
     # Of a pass of 95 s a scan needs 20 s to acquire the target.
     short = {"mount.pass_elevation_deg": MASK_DEG, "tuning.machine.least_share": 0.6}
     read_station("leo_3m7").write(path, short | changes)
     station = read_station(path)
-    satellites, passes = plan(station)
+    satellites, passes = plan(station, bands)
     elements.write_text(json.dumps([as_omm(one) for one in satellites]))
     return station, elements, passes

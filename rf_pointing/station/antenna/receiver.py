@@ -171,9 +171,14 @@ class ArrivingSignal:
         """Elevation (n,) of the source at the last boresights."""
 
     @property
+    def track(self) -> TopocentricTrack:
+        """Real motion of what is received."""
+        return self._ahead.track
+
+    @property
     def target(self) -> str:
         """Name of the satellite that is received."""
-        return self._ahead.track.name
+        return self.track.name
 
     def tune(self, real_track: TopocentricTrack) -> None:
         """Receive another satellite from now on."""

@@ -71,12 +71,21 @@ class Calibrator:
     def __init__(self, params: CalibratorParams, rules: AcceptanceRules, mount: Kinematics = LEVEL) -> None:
         start = calibration.read_model(params.model_file) if params.model_file else None
         self.keeper = ModelKeeper(params.station, params.band, params.folder, start, rules, mount)
+        self.retune, self.mount = self.keeper.retune, mount
         kept = params.folder and params.keep_observations
         self.log = CalibrationLog(
             params.station, params.band, params.spacing_s, params.sigma_rad, scan_spacing_s=params.scan_spacing_s,
             largest_error_rad=params.largest_error_rad, settle_s=params.settle_s,
             journal=journal_of(params.folder, params.station, params.band, mount) if kept else None, mount=mount,
         )  # fmt: skip
+
+    def in_band(self, params: CalibratorParams, rules: AcceptanceRules, t_s: float) -> "Calibrator":
+        """Return the calibrator of another band with its model in force; this one is at rest."""
+        other = Calibrator(params, rules, self.mount)
+        other.keeper.temperature_k = self.keeper.temperature_k
+        other.keeper.begin(t_s)
+        self.log.write_waiting()
+        return other
 
     def take_error(self, error: PointingError, reading: JointReading | None) -> None:
         """Take an error with the encoders next to it: an observation, if one is due."""

@@ -7,7 +7,7 @@ may still arrive; simulated time waits for its status.
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 from rf_pointing.calibration import BiasModel
@@ -41,6 +41,7 @@ NEAR_S = 3600.0
 class PassGoal:
     """A pass to track: `window`, or that of a satellite nearest to `near_t_s` (0: the next one).
 
+    Without a `band` it is tracked in the one that is in use.
     With a `scan` it ends with the scan, which begins as soon as the axes are on the target.
     """
 
@@ -49,6 +50,7 @@ class PassGoal:
     near_t_s: float = 0.0
     minimum_peak_elevation_rad: float = 0.0
     sensor: str = ""
+    band: str = ""
     scan: ScanProgramParams | None = None
 
     @property
@@ -78,12 +80,16 @@ class Port(Protocol):
     """World outside of the goals.
 
     `joints` returns the newest reading up to a time, None without a new one; `difference` which
-    nodes run on another station description, "" if none does.  `warn` informs an operator at once
-    of another level of alarm, and `end_goal` a client that its goal has an `outcome`.
+    nodes run on another station description or band, "" if none does.  `use_band` takes the band of
+    a goal and returns whether the nodes have to follow; ValueError refuses it.  `warn` informs an
+    operator at once of another level of alarm, and `end_goal` a client that its goal has an
+    `outcome`.
     """
 
     def joints(self, until_s: float) -> JointReading | None: ...
     def difference(self) -> str: ...
+    def band(self) -> str: ...
+    def use_band(self, goal: PassGoal) -> bool: ...
     def find(self, goal: PassGoal, from_s: float) -> Search: ...
     def publish(self, t_s: float, trajectory: JointTrajectory | None, status: TrackingStatus) -> None: ...
     def show(self, certificate: Certificate) -> None: ...
@@ -109,6 +115,8 @@ class PassGoals:
         self._port, self._sensor_of, self._store = port, sensor_of, store
         self._goal: PassGoal | None = None
         self._search: Search | None = None
+        self._changing = self._lacks_model = False
+        """Whether nodes have yet to take the band of the goal, and its bias model to come."""
         self._refusal, self._cancelled, self._scanned = "", False, False
         self._begun_wall_s = 0.0
         # Mode and level of the last feedback, and when the next one is due.
@@ -119,6 +127,7 @@ class PassGoals:
         self._issued: Certificate | None = None
         self._alarm: tuple[int, str] = Level.OK, ""
         self._model: BiasModel | None = None
+        self._model_band = ""
         self._temperature_k: float | None = None
         self._no_temperature = ""
 
@@ -127,14 +136,28 @@ class PassGoals:
         """Whether there is a goal."""
         return self._goal is not None
 
+    @property
+    def _waits(self) -> bool:
+        """Whether the pass of the goal has yet to be found, or its band to be taken."""
+        return self._changing or self._search is not None
+
     def retune(self, params: ControllerParams, store: StoreParams) -> None:
         """Use new parameters from the next period on."""
         self.controller.retune(params)
         self._store = store
 
-    def take_model(self, model: BiasModel) -> None:
-        """Use a bias model, at the present temperature."""
-        self._model = model
+    def use_band(self, params: ControllerParams, model: BiasModel, *, calibrated: bool) -> None:
+        """Go on with the numbers of another band, and `model` until the calibrator sends one."""
+        self.controller = self.controller.in_band(params)
+        self.controller.take_model(model)
+        self._lacks_model, self._no_temperature = calibrated, ""
+        if self._model_band:
+            self._model = None
+        self._use_model()
+
+    def take_model(self, model: BiasModel, band: str = "") -> None:
+        """Use a bias model of a band, "" for any, at the present temperature."""
+        self._model, self._model_band, self._lacks_model = model, band, False
         self._use_model()
 
     def take_temperature(self, temperature_k: float) -> None:
@@ -160,15 +183,43 @@ class PassGoals:
         self._refusal, self._cancelled, self.window = "", False, goal.window
         self._fed_back, self._scanned = (), goal.scan is not None
         try:
-            # Known without the ephemeris, which would change its target for nothing.
-            self._require_fit()
-            if goal.window is not None:
-                self._start(goal.window, t_s)
-            else:
-                self._search = self._port.find(goal, goal.search_from_s(t_s))
-                self._take_passes(t_s, wall_s)
+            self._changing = self._port.use_band(goal)
+            if not self._changing:
+                self._look_for(goal, t_s, wall_s)
         except ValueError as error:
             self.refuse(str(error))
+
+    def _look_for(self, goal: PassGoal, t_s: float, wall_s: float) -> None:
+        # Known without the ephemeris, which would change its target for nothing.
+        self._require_fit()
+        if goal.window is not None:
+            self._start(goal.window, t_s)
+        else:
+            self._search = self._port.find(goal, goal.search_from_s(t_s))
+            self._take_passes(t_s, wall_s)
+
+    def _follow_band(self, goal: PassGoal, t_s: float, wall_s: float) -> None:
+        """Go on with the goal once every node has its band, or refuse it after a while."""
+        lacks = f"no bias model of the {self._port.band()} band" if self._lacks_model else ""
+        waits = self._difference() or lacks
+        if waits and (waited_s := wall_s - self._begun_wall_s) <= PATIENCE_WALL_S:
+            return
+        self._changing = False
+        try:
+            if waits:
+                raise ValueError(f"{waits}, waited {waited_s:.0f} s")
+            self._look_for(goal, t_s, wall_s)
+        except ValueError as error:
+            self.refuse(str(error))
+
+    def _advance(self, t_s: float, wall_s: float) -> None:
+        """Go on with a goal whose pass has not been started."""
+        if self._goal is not None and self._cancelled and self._changing:
+            self.refuse("the goal was cancelled")
+        elif self._goal is not None and self._changing:
+            self._follow_band(self._goal, t_s, wall_s)
+        else:
+            self._take_passes(t_s, wall_s)
 
     def _take_passes(self, t_s: float, wall_s: float) -> None:
         """Start the pass that the ephemeris has found, or refuse the goal after a while."""
@@ -227,6 +278,7 @@ class PassGoals:
 
     def _end(self) -> None:
         self._goal = self._search = None
+        self._changing = False
         self._port.end_goal()
 
     def cancel(self) -> None:
@@ -237,7 +289,7 @@ class PassGoals:
 
     def stop(self, reason: str) -> bool:
         """End the pass under control, or the search for it; return whether there is one."""
-        if self._search is not None:
+        if self._waits:
             self.refuse(reason)
             return True
         busy = self.controller.busy
@@ -269,7 +321,7 @@ class PassGoals:
         """Begin the period at `t_s`; what is on its way may still arrive for it."""
         self._finish_period()
         self._certify(now_s, wall_s)
-        if self.controller.missing or self._search is not None:
+        if self.controller.missing or self._waits:
             # Simulated time waits for the status of this period, so it does not run ahead of the
             # pass of a goal, or of its certificate, on a busy machine.
             self._period = (t_s, math.inf)
@@ -280,12 +332,12 @@ class PassGoals:
 
     def turn(self, now_s: float, wall_s: float) -> float:
         """Finish a period that has waited long enough; return how long there is nothing to do."""
-        self._take_passes(now_s, wall_s)
+        self._advance(now_s, wall_s)
         self._certify(now_s, wall_s)
         if self._period is None:
             return math.inf
         t_s, until_s = self._period
-        waits = self._search is not None or self.controller.missing or self.controller.awaits_input(t_s)
+        waits = self._waits or self.controller.missing or self.controller.awaits_input(t_s)
         if waits and until_s > wall_s:
             return until_s - wall_s
         self._finish_period()
@@ -332,7 +384,7 @@ class PassGoals:
         if status.level != was[0]:
             self._port.warn(status.alarm)
         # A goal whose pass is still looked for has nothing to feed back.
-        if self._goal is None or self._search is not None or self.window is None:
+        if self._goal is None or self._waits or self.window is None:
             return
         now = status.mode, status.level
         if now != self._fed_back or status.t_s >= self._feedback_due_s:
@@ -356,7 +408,7 @@ class PassGoals:
         certificate = self.controller.plan.certificate
         if certificate is None or certificate is self._issued:
             return
-        self._issued = certificate
+        self._issued, certificate = certificate, replace(certificate, band=self._port.band())
         self._port.show(certificate)
         try:
             store_certificate(self._store, certificate)

@@ -73,13 +73,14 @@ class NightWatch:
         tables = read_tables(alarms, own.directives_file, own.procedure_file, own.recovery_file, own.maintenance_folder)
         self._maintenance = tables.maintenance
         controller = controller_params(station, band)
-        self._notes = {"station": station.name, "band": band, **horizon_to_notes(controller.mask)}
+        self._station = station
+        self._notes = {"station": station.name, **horizon_to_notes(controller.mask)}
         self.folder = NightFolder(own.folder, record)
         actions = {"record": self._record, "end_record": self.folder.end_record, "report": self.folder.report}
         self.sender = connect(tables.directives, actions, self._responded, self._ended)
         self.night = Night(
             Schedule(controller.limits, controller.machine.axes, between, antenna), tables.procedure, tables.recovery,
-            self.sender.send, quiet_s=alarms.quiet_s, sensor=own.sensor or station.chosen_sensor(band=band),
+            self.sender.send, quiet_s=alarms.quiet_s, sensor=own.sensor, band=band,
             least_share=controller.machine.least_share, save=self._keep,
         )  # fmt: skip
         self.alarms = StationAlarms(
@@ -156,6 +157,8 @@ class NightWatch:
         """Return the nodes without which the present or the next pass cannot be tracked."""
         entry = self.night.schedule.active or self.night.schedule.next()
         sensor = (entry.item.sensor if entry else "") or self.night.sensor
+        band = (entry.item.band if entry else "") or self.night.band
+        sensor = sensor or self._station.chosen_sensor(band=band)
         trackers = (traits.node for traits in sensors_of(SENSOR_CHOICES.get(sensor, "")))
         return {*NEEDED, *self.alarms.named, *trackers}
 
@@ -232,7 +235,10 @@ class NightWatch:
     def _record(self, name: str) -> str:
         if not self._own.record:
             raise ValueError("executive.record is false")
-        return self.folder.record(name, self._thresholds.disk_free_gb, self._notes)
+        entry = self.night.schedule.entries.get(name)
+        band = (entry.item.band if entry else "") or self.night.band
+        notes = {**self._notes, "band": band}
+        return self.folder.record(name, self._thresholds.disk_free_gb, notes)
 
     # Requests
 
@@ -263,9 +269,19 @@ class NightWatch:
     def change(self, added: Sequence[ScheduledPass], remove: Sequence[str], now_s: float) -> str:
         """Add passes, and remove those of these ids: all of it, or nothing."""
         schedule = self.night.schedule
+        self._require_bands(added)
         schedule.change(added, remove)
         self.night.change(now_s)
         return f"{len(added)} passes added, {len(remove)} removed; {len(schedule.entries)} in all"
+
+    def _require_bands(self, passes: Sequence[ScheduledPass]) -> None:
+        """Raise ValueError for a pass of this antenna in a band that it does not have."""
+        for each in passes:
+            if each.antenna in ("", self.night.schedule.antenna):
+                require_choice(f"pass {each.id}: band", each.band, ("", *self._station.bands))
+                if each.band and "band" not in self.night.procedure.parameters:
+                    needs = "needs a procedure_file with parameter band"
+                    raise ValueError(f"pass {each.id}: band={each.band} {needs}")
 
     def start(self, passes: Sequence[ScheduledPass], resume: bool, now_s: float) -> None:
         """Begin a night with these passes, or take part in the present one."""
@@ -276,6 +292,7 @@ class NightWatch:
             raise ValueError(f"the executive is {night.state_name}: resume, or abort first")
         if night.finished and not passes and not (resume and night.schedule.entries):
             raise ValueError("passes=[] must name passes")
+        self._require_bands(passes)
         night.schedule.change(passes, () if resume else tuple(night.schedule.entries))
         if night.finished:
             night.start(now_s)

@@ -1,7 +1,7 @@
 """Axes, drive and zones: what the mount can do and where it may look, for every node alike."""
 
 import math
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rf_pointing.core.derived import Rows, Value, rounded, tuned
 from rf_pointing.core.kinematics import Kinematics
@@ -11,6 +11,9 @@ from rf_pointing.core.signals import AXES
 from rf_pointing.core.types import Pair
 from rf_pointing.station.derive.band import AXIS_KEYS, Band, nearest_within, site_of
 from rf_pointing.station.description.content import Content
+
+if TYPE_CHECKING:
+    from rf_pointing.calibration import BiasModel
 
 TRAIN_RATE_DEG_S = 1.0
 
@@ -184,3 +187,39 @@ def wind_limits(of: Band) -> Rows:
 def lag_averaging(of: Band) -> Value:
     """Time in which the lags of the mount build up."""
     return Value(of.content.simulation.lag_averaging_s, "simulation.lag_averaging_s")
+
+
+def mount_errors(of: Band) -> dict[str, Value]:
+    """True errors of the simulated mount in a band, with those by which its feed is off."""
+    sections = (("simulation", of.content.simulation), (f"bands.{of.name}", of.section))
+    rows = {
+        name: Value(value, f"{key}.mount_errors.{name}")
+        for key, section in sections
+        for name, value in flat(section.mount_errors).items()
+    }
+    for term, degrees in _feed_terms(of.content, of.name).items():
+        name, own = f"{term}_deg", rows.get(f"{term}_deg")
+        rows[name] = Value(degrees + (own.value if own else 0.0), "bands.*.feed_offset")
+    return rows
+
+
+def feed_model(content: Content, band: str) -> "BiasModel":
+    """Return the model of a perfect mount with the feed of a band, before one is fitted."""
+    # Imported here: most nodes need no model.
+    from rf_pointing.calibration import BiasModel
+
+    terms, zero = _feed_terms(content, band), BiasModel.zero(kinematics_of(content))
+    return zero.replace(**{name: math.radians(value) for name, value in terms.items()})
+
+
+def _feed_terms(content: Content, band: str) -> dict[str, float]:
+    """Return the terms of a bias model, in deg, that put the beam of a feed on a target."""
+    # The beam (cos c cos e, sin c, cos c sin e) off axes that look ahead: exact, as the terms.
+    feed = content.bands[band].feed_offset
+    if feed is None:
+        return {}
+    from rf_pointing.calibration.terms import names_of
+
+    # x3 and x10, by the names of the mount's axes.
+    names = names_of(kinematics_of(content).type)
+    return {names[2]: -feed.cross_elevation_deg, names[9]: -feed.elevation_deg}

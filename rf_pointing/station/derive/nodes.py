@@ -9,7 +9,6 @@ from functools import cache
 
 from rf_pointing.core.derived import Rows, Value, rounded, tuned
 from rf_pointing.core.modes import Sensor
-from rf_pointing.core.parameters import flat
 from rf_pointing.planning.horizon import HorizonMask
 from rf_pointing.station import parameters as own
 from rf_pointing.station.derive.band import Band, Derived, pass_elevation_deg
@@ -43,7 +42,6 @@ def antenna_servo(of: Band) -> Derived:
     simulation = of.content.simulation
     plant, loops = plant_and_loops(of)
     start = simulation.start_deg or axes.at_rest_deg(of)
-    errors = (("simulation", simulation.mount_errors), (f"bands.{of.name}", of.section.mount_errors))
     wind = {name: Value(getattr(simulation.wind, name), f"simulation.wind.{name}")
             for name in ("mean_speed_m_s", "from_azimuth_deg")}  # fmt: skip
     rows = {
@@ -56,11 +54,7 @@ def antenna_servo(of: Band) -> Derived:
         "plant": plant,
         "loops": loops,
         "wind": wind | {"dish_diameter_m": Value(of.wind_diameter_m, "dish.diameter_m", "1 m without a dish")},
-        "mount": {
-            name: Value(value, f"{key}.mount_errors.{name}")
-            for key, given in errors
-            for name, value in flat(given).items()
-        },
+        "mount": axes.mount_errors(of),
         "safety": {
             **axes.rest(of),
             "watch": watches.encoder_watch(of),

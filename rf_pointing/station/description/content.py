@@ -240,6 +240,14 @@ class NoiseSection:
 
 
 @dataclass(frozen=True, kw_only=True)
+class FeedOffsetSection:
+    """Where the beam of a feed is off the axis of the dish."""
+
+    cross_elevation_deg: float = parameter(0.0, "the beam is right of the axis by", low=-5.0, high=5.0)
+    elevation_deg: float = parameter(0.0, "the beam is above the axis by", low=-5.0, high=5.0)
+
+
+@dataclass(frozen=True, kw_only=True)
 class BandSection:
     """One frequency band."""
 
@@ -270,6 +278,7 @@ class BandSection:
     model_error_deg: float = parameter(
         0.1, "error per axis that the bias model, or a mount without one, leaves", low=0.0, high=5.0
     )
+    feed_offset: FeedOffsetSection | None = parameter(None, "where the beam is, without bias_model")
     bias_model: str = parameter("", "file of the bias model; empty: none, until one is calibrated")
     mount_errors: Open = field(
         default_factory=dict, metadata={"description": "mount errors of the simulated antenna that differ in this band"}

@@ -136,6 +136,8 @@ class StationDescription:
             for name in ("type", "axes", "lower_axis", "tilt_deg"):
                 del content["mount"][name]
         for name, section in content["bands"].items():
+            if section["feed_offset"] is None:
+                del section["feed_offset"]
             model = self.bias_model_file(name)
             section["bias_model"] = read_whole(model) if model else ""
         return hashlib.sha256(json.dumps(content, sort_keys=True, default=str).encode()).hexdigest()[:16]

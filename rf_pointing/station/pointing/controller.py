@@ -84,6 +84,15 @@ class PointingController:
         self.model_doubt = ""
         self.statistics = PassStatistics()
 
+    def in_band(self, params: ControllerParams) -> "PointingController":
+        """Return the controller of another band, which knows antenna and passes as this one."""
+        other = PointingController(params)
+        other.antenna.take_status(self.antenna.mode, self.antenna.fault)
+        other.plan.profiles = self.plan.profiles
+        if self._motion.axes is not None:
+            other.take_joints(self._motion.axes)
+        return other
+
     @property
     def busy(self) -> bool:
         """Whether a pass is being tracked, or waited for at its start."""

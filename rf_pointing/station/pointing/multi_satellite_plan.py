@@ -90,6 +90,8 @@ class DayPass:
     profile: PassProfile | None = None
     filler: bool = False
     """Whether it fills a gap: a piece of the stay of what is up for hours."""
+    band: str = ""
+    """Band that its target names, "" for that of the station."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -372,6 +374,7 @@ class AntennaDay:
         return k, DayPass(
             window=window, priority=wish.priority, fate=fate, age_s=age_s, reason=reason,
             along_rad=_sigmas_rad(window)[0], certificate=certificate, profile=profile, filler=id(target) in self._cut,
+            band=wish.band,
         )  # fmt: skip
 
 

@@ -110,7 +110,7 @@ class PassPlan:
         mount: Kinematics = LEVEL,
     ) -> None:
         self.machine, self.mask, self._gate_params, self.sun, self.mount = machine, mask, gate, sun, mount
-        self._profiles: list[PassProfile] = []
+        self.profiles: list[PassProfile] = []
         self.certificate: Certificate | None = None
         self.retune(limits, on_target_rad)
         self.clear()
@@ -122,7 +122,7 @@ class PassPlan:
 
     def take_profiles(self, profiles: list[PassProfile]) -> None:
         """Replace the profiles of the coming passes, which are on the sky."""
-        self._profiles = [each.on(self.mount) for each in profiles]
+        self.profiles = [each.on(self.mount) for each in profiles]
 
     def seen(self, window: Pass) -> Pass:
         """Return the pass in hand in the angles of the mount's axes, as its profile."""
@@ -259,7 +259,7 @@ class PassPlan:
         What is new needs a certificate on the turn of the pass; without one the pass ends where it
         is certified to, and `beyond` says why.
         """
-        found = next((each for each in self._profiles if each.name == window.name), None)
+        found = next((each for each in self.profiles if each.name == window.name), None)
         if found is None or found is self._judged or not self.course.direct or self.profile is None:
             return window
         if not found.t_s[0] <= t_s < window.los_t_s < found.t_s[-1]:
@@ -429,7 +429,7 @@ class PassPlan:
 
     def profile_of(self, window: Pass) -> PassProfile | None:
         """Return the profile of a pass or a piece of one, None when none that comes has it."""
-        for profile in self._profiles:
+        for profile in self.profiles:
             late_s, early_s = window.aos_t_s - float(profile.t_s[0]), float(profile.t_s[-1]) - window.los_t_s
             if profile.name != window.name or min(late_s, early_s) < -SAME_PASS_S:
                 continue

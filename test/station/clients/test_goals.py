@@ -52,11 +52,13 @@ class World:
     wall_s: float = 1000.0
     moves: bool = True
     different: str = ""
+    in_use: str = "X"
     events: list[tuple[str, Any]] = field(default_factory=list)
     searches: list[Search] = field(default_factory=list)
     statuses: list[TrackingStatus] = field(default_factory=list)
     fed_back: list[tuple[TrackingStatus, float]] = field(default_factory=list)
     latest: JointTrajectory | None = None
+    changed: Callable[[], None] = lambda: None
 
     def joints(self, until_s: float) -> JointReading | None:
         place_rad, rate_rad_s = self.standing_rad, np.zeros(2)
@@ -67,6 +69,18 @@ class World:
 
     def difference(self) -> str:
         return self.different
+
+    def band(self) -> str:
+        return self.in_use
+
+    def use_band(self, goal: PassGoal) -> bool:
+        if goal.band not in ("", "S", "X"):
+            raise ValueError(f"Dish: band={goal.band!r} must be one of S, X")
+        changed, self.in_use = goal.band not in ("", self.in_use), goal.band or self.in_use
+        if changed:
+            self.different = f"rf_receiver on another than {self.in_use}"
+            self.changed()
+        return changed
 
     def find(self, goal: PassGoal, from_s: float) -> Search:
         self.searches.append(Search(goal, from_s))
@@ -104,14 +118,23 @@ class Desk:
     def __init__(
         self, make_controller: MakeController, track: TopocentricTrack, window: Pass, folder: str = ""
     ) -> None:
-        self.controller, self.track, self.window = make_controller(), track, window
+        self.track, self.window = track, window
         begin_s = round(window.los_t_s - 30.0, 1)
         sky = track.target_at(begin_s)
         # The pass crosses north on its way: the turn that it is tracked on.
         azimuth_rad = math.remainder(sky.azimuth_rad, 2.0 * math.pi)
         self.world = World(np.array([azimuth_rad, sky.elevation_rad]), begin_s)
         store = StoreParams(certificate_folder=folder)
-        self.goals = PassGoals(self.controller, self.world, lambda sensor: sensor or "program", store)
+        self.goals = PassGoals(make_controller(), self.world, lambda sensor: sensor or "program", store)
+
+        self.world.changed = lambda: self.goals.use_band(
+            self.controller.params, BiasModel.zero(), calibrated=self.calibrated
+        )
+        self.calibrated = False
+
+    @property
+    def controller(self) -> PointingController:
+        return self.goals.controller
 
     def begin(self, goal: PassGoal | None = None) -> None:
         self.goals.begin(goal or PassGoal(window=self.window), self.world.t_s, self.world.wall_s)
@@ -148,11 +171,19 @@ class Machine(RuleBasedStateMachine):
         self.begun, self.begun_at = 0, 0
 
     @precondition(lambda self: not self.goals.busy)
-    @rule(by_name=st.booleans(), sensor=st.sampled_from(["", "program", "monopulse"]))
-    def begin(self, by_name: bool, sensor: str) -> None:
+    @rule(
+        by_name=st.booleans(),
+        sensor=st.sampled_from(["", "program", "monopulse"]),
+        band=st.sampled_from(["", "X", "S", "Q"]),
+        calibrated=st.booleans(),
+    )
+    def begin(self, by_name: bool, sensor: str, band: str, calibrated: bool) -> None:
+        self.desk.calibrated = calibrated
         self.begun, self.begun_at = self.begun + 1, len(self.world.events)
         goal = (
-            PassGoal(satellite="BIRD", sensor=sensor) if by_name else PassGoal(window=self.desk.window, sensor=sensor)
+            PassGoal(satellite="BIRD", sensor=sensor, band=band)
+            if by_name
+            else PassGoal(window=self.desk.window, sensor=sensor, band=band)
         )
         self.desk.begin(goal)
 
@@ -189,6 +220,11 @@ class Machine(RuleBasedStateMachine):
         self.desk.controller.plan.take_profiles(self.profiles if profile else [])
         self.desk.controller.take_antenna("holding", "the door is open" * fault)
 
+    @rule(band=st.sampled_from(["X", "S"]))
+    def model(self, band: str) -> None:
+        if band == self.world.in_use:
+            self.goals.take_model(BiasModel.zero(), band)
+
     @invariant()
     def each_goal_ends_once(self) -> None:
         assert self.begun - len(self.world.of("end")) == self.goals.busy
@@ -209,6 +245,7 @@ class Machine(RuleBasedStateMachine):
         if "command" in kinds:
             assert "certificate" in kinds[: kinds.index("command")]
             assert self.world.of("certificate")[-1].chosen is not None
+            assert self.world.of("certificate")[-1].band == self.world.in_use
 
 
 def test_goals_in_any_order_end_once_and_move_nothing_without_a_certificate(
@@ -360,3 +397,41 @@ def test_the_model_in_use_is_that_of_the_temperature_within_100_mk(celsius: list
         goals.take_temperature(each + 273.15)
         assert taken[-1].coefficients["elevation_offset"] == pytest.approx(2e-5 * (each - 15.0), abs=2e-6 + 1e-9)
     assert len(taken) <= len(celsius)
+
+
+def test_a_goal_in_another_band_waits_for_every_node_and_for_the_model_of_the_band_with_its_periods_held(
+    desk: Desk,
+) -> None:
+    desk.goals.take_model(BiasModel.zero(), "X")
+    desk.calibrated = True
+    before = desk.controller
+    desk.begin(PassGoal(window=desk.window, band="S"))
+    desk.goals.due(desk.world.t_s, desk.world.t_s, desk.world.wall_s)
+    for step in (lambda: setattr(desk.world, "different", ""), lambda: desk.goals.take_model(BiasModel.zero(), "S")):
+        assert (desk.turn(), desk.world.of("period"), desk.world.of("certificate")) == (math.inf, [], [])
+        step()
+    desk.turn()
+    (certificate,) = desk.world.of("certificate")
+    assert (certificate.band, desk.controller is before) == ("S", False)
+    desk.period(50)
+    assert desk.world.of("command")
+
+
+@pytest.mark.parametrize(
+    ("follow", "why"),
+    [
+        (False, "the nodes run on different station descriptions: rf_receiver on another than S, waited 31 s"),
+        (True, "no bias model of the S band, waited 31 s"),
+    ],
+)
+def test_a_band_that_is_not_taken_by_all_is_refused_with_who_lacks_it_and_an_unknown_one_at_once(
+    desk: Desk, follow: bool, why: str
+) -> None:
+    desk.begin(PassGoal(window=desk.window, band="Q"))
+    assert (desk.message, desk.world.in_use) == ("Dish: band='Q' must be one of S, X", "X")
+    desk.calibrated = True
+    desk.begin(PassGoal(window=desk.window, band="S"))
+    desk.world.different = desk.world.different * (not follow)
+    desk.world.wall_s += PATIENCE_WALL_S + 1.0
+    desk.turn()
+    assert (desk.message, desk.goals.busy, desk.world.of("command")) == (why, False, [])

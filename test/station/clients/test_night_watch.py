@@ -67,10 +67,10 @@ class Bench:
         return [json.loads(row) for row in (self.folder / "journal.jsonl").read_text(encoding="utf-8").splitlines()]
 
 
-def listed(*begins_s: float, sensor: str = "") -> list[ScheduledPass]:
+def listed(*begins_s: float, **more: str) -> list[ScheduledPass]:
     """Return passes of 300 s, named p0, p1, ... that rise so long from T_S."""
     return [
-        ScheduledPass(id=f"p{n}", target=f"bird{n}", aos_t_s=T_S + s, los_t_s=T_S + s + 300.0, sensor=sensor)
+        ScheduledPass(id=f"p{n}", target=f"bird{n}", aos_t_s=T_S + s, los_t_s=T_S + s + 300.0, **more)
         for n, s in enumerate(begins_s)
     ]
 
@@ -355,3 +355,29 @@ def test_a_journal_that_cannot_be_written_is_a_warning_until_it_can(tmp_path: Pa
     level, message, values = one.watch.health()
     assert (level, message, values["passes"], values["records"]) == (0, "running", 1, 0)
     assert [row["event"] for row in one.journal()] == ["schedule changed"]
+
+
+def test_a_band_that_the_station_lacks_is_refused_by_name_unless_the_pass_is_for_another_antenna(
+    tmp_path: Path,
+) -> None:
+    one = Bench(tmp_path)
+    one.start(100.0)
+    with pytest.raises(ValueError, match=r"pass p0: band='Ka' must be one of S, X"):
+        one.watch.change(listed(900.0, band="Ka"), ["p0"], T_S)
+    assert list(one.night.schedule.entries) == ["p0"]
+    one.watch.change(listed(900.0, band="Ka", antenna="gs1"), ["p0"], T_S)
+
+
+def test_a_recording_is_noted_with_the_band_of_its_pass_and_one_that_a_procedure_cannot_pass_on_is_refused(
+    tmp_path: Path,
+) -> None:
+    for band, noted in (("S", "S"), ("", "X")):
+        one = Bench(tmp_path / noted, record=True)
+        one.watch.start(listed(100.0, band=band), False, T_S)
+        one.own["record"](name="p0")
+        assert one.recording.notes["band"] == noted
+    own = tmp_path / "pass.yaml"
+    own.write_text((TABLES / "pass.yaml").read_text().replace(" band: null,", "").replace(', band: "${band}"', ""))
+    two = Bench(tmp_path, procedure_file=str(own))
+    with pytest.raises(ValueError, match="pass p0: band=S needs a procedure_file with parameter band"):
+        two.watch.start(listed(100.0, band="S"), False, T_S)
