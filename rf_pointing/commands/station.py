@@ -157,7 +157,7 @@ def request_of(argv: list[str] | None = None) -> StationRequest:
     offset("--clear", dest="request", action="store_const", const=("clear", ""), help="all to zero")
     night = add("night", "request something of the executive", StationClient.night)
     night("request", choices=tuple(NIGHT))
-    night("name", nargs="?", default="", help="id of the pass, procedure, or alarm (default: present pass, all)")
+    night("name", nargs="?", default="", help="pass, procedure or alarm (default: present pass, all)")
     add("test-alarms", "send a message by every way out of the station, and say what came of it",
         StationClient.test_alarms)  # fmt: skip
     log = add("log", "show the journal of the executive", StationClient.show_journal)

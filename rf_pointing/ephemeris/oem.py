@@ -25,7 +25,6 @@ from rf_pointing.core.dates import DAY_S, from_utc_text, to_utc_text, utc_text
 from rf_pointing.core.kvn import key_and_value
 from rf_pointing.core.types import Array
 from rf_pointing.ephemeris.celestial_frame import EARTH_RATE_RAD_S, earth_fixed_from_gcrs
-from rf_pointing.ephemeris.damaged_states import OFF_M, damaged_state
 from rf_pointing.ephemeris.earth_orientation import EarthOrientationSource, IersEarthOrientation
 from rf_pointing.ephemeris.sgp4_orbit import GMST_RATE_RAD_S, earth_fixed_from_teme
 from rf_pointing.ephemeris.state_vector import StateVector, Vector, rotated, seen_from_rotating_axes
@@ -293,6 +292,9 @@ def _segment(draft: Draft) -> OemSegment:
         values = np.hstack([values, np.gradient(values, tai_s, axis=0)])
     _require_near_the_earth(states, values)
     position, velocity, frame = values[:, :3], values[:, 3:], meta["REF_FRAME"].upper()
+    # Imported here: stations on mean elements read no states.
+    from rf_pointing.ephemeris.damaged_states import OFF_M, damaged_state
+
     row, off_m = damaged_state(tai_s, position, None if alone else velocity, turning=frame.startswith("ITRF"))
     if row >= 0:
         raise ValueError(

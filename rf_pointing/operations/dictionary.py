@@ -86,7 +86,8 @@ def read_tables(
     rows |= _of(Path(directives), read_directives) if directives else {}
     names = {name: row.takes for name, row in rows.items()}
     shipped = TABLES / f"{procedure or 'pass'}.yaml"
-    chosen = _of(shipped if shipped.is_file() else Path(procedure), lambda text: read_procedure(text, names))
+    file = shipped if shipped.is_file() else Path(procedure)
+    chosen = _of(file, lambda text: read_procedure(text, names))
     files = [TABLES / "self_test.yaml", *(sorted(Path(maintenance).glob("*.yaml")) if maintenance else ())]
     own = {file.stem: _of(file, lambda text: read_procedure(text, names)) for file in files}
     file = Path(recovery) if recovery else TABLES / "recovery.yaml"

@@ -224,16 +224,14 @@ class Night:
     def run(self, procedure: Procedure, now_s: float) -> None:
         """Begin a procedure between two passes; it must end before the next one."""
         if self._work is not None or self._action is not None:
-            raise ValueError(f"{procedure.name} must wait: {self.active_id or 'another request'} is in work")
+            raise ValueError(f"{procedure.name} must wait: {self.active_id or 'a request'} is in work")
         following, place = self.schedule.next(), self._place(now_s)
         if place is None:
-            raise ValueError(f"{procedure.name} must wait: the position of the antenna is not known")
+            raise ValueError(f"{procedure.name} must wait: no position of the antenna")
         free_s = self.schedule.begins_s(following, place) - now_s if following is not None else math.inf
         needed_s = sum(block.timeout_s for block in procedure.blocks.values())
         if free_s < needed_s:
-            raise ValueError(
-                f"{procedure.name} may take {needed_s:.0f} s, must be <= the {free_s:.0f} s to the next pass"
-            )
+            raise ValueError(f"{procedure.name} may take {needed_s:.0f} s, must be <= {free_s:.0f} s to the next pass")
         self._action = self._executor(procedure, procedure.with_parameters({}), now_s)
 
     def _require(self, *states: NightState) -> None:

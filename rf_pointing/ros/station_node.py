@@ -103,24 +103,11 @@ class StationNode(ManagedNode):
 
         ValueError leaves the node as it was.
         """
-        before = self.band
-        try:
-            self._restate(band)
-            self.use_band()
-        except (ValueError, OSError) as error:
-            self._restate(before)
-            self.use_band()
-            raise ValueError(f"{band} band: {error}") from error
-        return self._announce()
+        # Imported when it is needed: most stations have one band.
+        from rf_pointing.ros.band_change import change_band
 
-    def _restate(self, band: str) -> None:
-        assert self.station is not None
-        name, defaults = self.get_name(), reference(self.get_name()).names
-        old, new = (self.station.parameters(name, each) for each in (self.band, band))
-        differ = [each for each in {**old, **new} if old.get(each) != new.get(each)]
-        changed = {each: new.get(each, defaults[each]) for each in differ}
-        self.band = band
-        self.parameters.restate({**changed, "band": band}, new)
+        change_band(self, band)
+        return self._announce()
 
     def follow_band(self) -> None:
         """Take the band of the pointing controller, if it is another one."""

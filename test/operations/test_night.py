@@ -233,7 +233,7 @@ def test_a_procedure_of_maintenance_runs_between_passes_only_and_its_outcome_is_
     assert entry.detail.count("completed") == len(test.blocks), entry.detail
     assert station.mode == "parked"
     station.run(400.0)
-    with pytest.raises(ValueError, match=r"may take \d+ s, must be <= the \d+ s to the next pass"):
+    with pytest.raises(ValueError, match=r"may take \d+ s, must be <= \d+ s to the next pass"):
         station.night.run(test, station.now_s)
     station.run(1000.0)
     assert station.night.active_id

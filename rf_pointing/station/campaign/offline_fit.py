@@ -213,7 +213,7 @@ class OfflineFit:
         _refuse_wrong([systematic_errors.wrong_north(every, request.convergence_rad)])
         # Points alone are fitted once, and with `select` the terms need not be separable together.
         if self._data.always and len(every) < FEWEST_ROWS:
-            raise ValueError(f"the table of offsets has {len(every)} rows, must have >= {FEWEST_ROWS}: add lines")
+            raise ValueError(f"the table of offsets has {len(every)} rows, must have >= {FEWEST_ROWS}")
         if self._raw is None and request.select and not self._measures_orbit(every):
             result, kept = self._fit_of_chosen(every, PassPriors.of_orbit(request.orbit_prior_m or 0.0), None, None)
             return Fitted(result, None, every, stages, notes, [], kept)

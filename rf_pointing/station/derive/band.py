@@ -10,15 +10,17 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rf_pointing.core.derived import Rows, Value, rounded
 from rf_pointing.core.mount_types import AZIMUTH_ELEVATION
 from rf_pointing.core.parameters import Params, flat, leaves, with_leaves
 from rf_pointing.core.types import Pair
-from rf_pointing.ephemeris.sites import SITES, Site
 from rf_pointing.planning.horizon import HorizonMask
 from rf_pointing.station.description.content import AxisSection, BandSection, Content
+
+if TYPE_CHECKING:
+    from rf_pointing.ephemeris import Site
 
 SPEED_OF_LIGHT_M_S = 299_792_458.0
 BEAM_FACTOR_DEG = 66.0
@@ -202,8 +204,10 @@ class Band:
         return self.content.simulation.structure or ("stiff" if self.wind_diameter_m < STIFF_BELOW_M else "flexible")
 
 
-def site_of(content: Content) -> Site:
+def site_of(content: Content) -> "Site":
     """Return the site of a description: a built-in one by name, or coordinates."""
+    from rf_pointing.ephemeris.sites import SITES, Site
+
     if isinstance(content.site, str):
         return SITES[content.site]
     return Site.from_degrees(content.site.latitude_deg, content.site.longitude_deg, content.site.height_m)

@@ -391,7 +391,8 @@ def _share_to_expect(window: CataloguePass, rules: PlanningRules) -> float:
     beam, (along, cross) = rules.machine.half_power_beamwidth_rad, _sigmas_rad(window)
     if not rules.swept_rad2_s:
         # The mean of a Gaussian beam over normal errors.
-        return 1.0 / math.sqrt(math.prod(1.0 + 2.0 * MU * (sigma / beam) ** 2 for sigma in (along, cross)))
+        wider = math.prod(1.0 + 2.0 * MU * (sigma / beam) ** 2 for sigma in (along, cross))
+        return 1.0 / math.sqrt(wider)
     # Swept outward from where it is expected, past what the beam sees at once.
     area = 2.0 * math.pi * along * max(cross, 0.25 * beam)
     beyond = math.exp(-0.25 * math.pi * beam**2 / area) if area else 0.0
