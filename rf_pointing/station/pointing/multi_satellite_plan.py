@@ -468,7 +468,7 @@ class _Certificates:
         self, window: CataloguePass, free: Sequence[_FreeTime], gap_s: float, least: float | Horizon, shortest_s: float
     ) -> list[CataloguePass]:
         """Return the parts of a stay that fit into free times, with the slews before and after."""
-        axes, found = self._rules.machine.axes, list[CataloguePass]()
+        found = list[CataloguePass]()
         for time in free:
             begin_s, end_s = max(time.begin_s, window.aos_t_s), min(time.end_s, window.los_t_s)
 
@@ -478,16 +478,13 @@ class _Certificates:
                 stays = self.passes(window.target, begin_s, end_s - begin_s, least)
                 if not stays:
                     break
-                starts = (turn[0] for turn in _turns(stays[0], self._rules))
-                slew_s = min((axes.slew_s(time.from_rad, start) for start in starts), default=math.inf)
-                late_s = time.begin_s + gap_s + MARGIN_S + slew_s - stays[0].aos_t_s
+                slews_s = self._slews_s(stays[0], time)
+                late_s = time.begin_s + gap_s + MARGIN_S + slews_s[0] - stays[0].aos_t_s
                 if late_s <= 0.0:
                     break
                 begin_s, stays = stays[0].aos_t_s + max(1.0, min(late_s, JOIN_STEP_S)), []
             if stays and time.to_rad is not None:
-                ends = (turn[1] for turn in _turns(stays[-1], self._rules))
-                slew_s = min((axes.slew_s(end, time.to_rad) for end in ends), default=math.inf)
-                end_s = min(end_s, time.end_s - gap_s - MARGIN_S - slew_s)
+                end_s = min(end_s, time.end_s - gap_s - MARGIN_S - self._slews_s(stays[-1], time)[1])
                 lasts = end_s - begin_s > max(shortest_s, LEAST_SEARCH_S)
                 stays = self.passes(window.target, begin_s, end_s - begin_s, least) if lasts else []
             if stays and end_s == window.los_t_s:
@@ -495,6 +492,14 @@ class _Certificates:
                 stays[-1] = dataclasses.replace(stays[-1], sets_after=window.sets_after)
             found += stays
         return found
+
+    def _slews_s(self, stay: CataloguePass, time: _FreeTime) -> Pair:
+        """Return the slews to a stay, on the nearest turn as its certificate has it, and from it."""
+        axes, slews = self._rules.machine.axes, list[Pair]()
+        for start, end in _turns(stay, self._rules):
+            after_s = axes.slew_s(end, time.to_rad) if time.to_rad is not None else 0.0
+            slews.append((axes.slew_s(time.from_rad, start), after_s))
+        return min(slews, default=(math.inf, math.inf))
 
     def of(self, window: CataloguePass, free_t_s: float, encoder_rad: Pair) -> tuple[Certificate, PassProfile]:
         """Return certificate and motion of a pass; the axes are free somewhere from a time on."""
