@@ -143,7 +143,9 @@ def test_a_clock_takes_the_acceleration_lags_of_both_axes_away_or_is_not_told(la
     """Taylor series of the delay: x6 - tau and x7 - x6 tau + tau^2 / 2."""
     names = ("azimuth_velocity_lag", "elevation_velocity_lag", "azimuth_acceleration_lag", "elevation_acceleration_lag")
     values = np.concatenate([np.subtract(lags_s, late_s), own_s2 - np.multiply(lags_s, late_s) + 0.5 * late_s**2])
-    fit = SimpleNamespace(names=names, values=values, covariance=np.diag([0.005, 0.005, 0.01, 0.01]) ** 2)
+    fit = SimpleNamespace(
+        model=BiasModel.zero(), names=names, values=values, covariance=np.diag([0.005, 0.005, 0.01, 0.01]) ** 2
+    )
     found = systematic_errors.common_clock(fit, {})
     assert found.refuse is verdict
     if verdict:
@@ -151,7 +153,9 @@ def test_a_clock_takes_the_acceleration_lags_of_both_axes_away_or_is_not_told(la
         assert found.sigma == pytest.approx(0.01 / np.hypot(*lags_s), rel=1e-6)
     else:
         assert "which a clock error does not explain" in found.text
-    right = SimpleNamespace(names=names, values=np.array([*lags_s, 0.0, 0.0]), covariance=fit.covariance)
+    right = SimpleNamespace(
+        model=BiasModel.zero(), names=names, values=np.array([*lags_s, 0.0, 0.0]), covariance=fit.covariance
+    )
     assert systematic_errors.common_clock(right, {}) is None
 
 
@@ -160,12 +164,17 @@ def test_a_clock_that_a_lag_of_one_axis_cancels_is_not_named(values):
     """Two acceleration lags lie on the curve of one clock by chance; the other axis shows none."""
     names = ("azimuth_velocity_lag", "elevation_velocity_lag", "azimuth_acceleration_lag", "elevation_acceleration_lag")
     covariance = np.diag([0.002, 0.002, 0.02, 0.03]) ** 2
-    fit = SimpleNamespace(names=names, values=np.array(values), covariance=covariance)
+    fit = SimpleNamespace(model=BiasModel.zero(), names=names, values=np.array(values), covariance=covariance)
     found = systematic_errors.common_clock(fit, {})
     assert found is None or not found.refuse
     # The same acceleration lags next to lags of both axes are those of a clock, or of the mount.
     tau = -values[0] + np.sqrt(values[0] ** 2 - 2.0 * values[2])
-    other = SimpleNamespace(names=names, values=np.array([*values[:3], values[2] - 0.2 * tau]), covariance=covariance)
+    other = SimpleNamespace(
+        model=BiasModel.zero(),
+        names=names,
+        values=np.array([*values[:3], values[2] - 0.2 * tau]),
+        covariance=covariance,
+    )
     other.values[1] = values[0] + 0.2
     assert systematic_errors.common_clock(other, {}).refuse
 
@@ -297,4 +306,7 @@ def test_a_clock_is_the_weighted_mean_of_both_lags_beyond_those_that_are_known(c
 @pytest.mark.parametrize("absent", ["azimuth_velocity_lag", "elevation_velocity_lag"])
 def test_one_lag_alone_tells_of_no_clock(absent):
     names = tuple(name for name in TERMS if name != absent)
-    assert systematic_errors.common_clock(SimpleNamespace(names=names), dict.fromkeys(TERMS, 0.0)) is None
+    assert (
+        systematic_errors.common_clock(SimpleNamespace(model=BiasModel.zero(), names=names), dict.fromkeys(TERMS, 0.0))
+        is None
+    )

@@ -494,7 +494,7 @@ class _Certificates:
         return found
 
     def _slews_s(self, stay: CataloguePass, time: _FreeTime) -> Pair:
-        """Return the slews to a stay, on the nearest turn as its certificate has it, and from it."""
+        """Return the slews to a stay, on the nearest turn as a certificate has it, and from it."""
         axes, slews = self._rules.machine.axes, list[Pair]()
         for start, end in _turns(stay, self._rules):
             after_s = axes.slew_s(end, time.to_rad) if time.to_rad is not None else 0.0
