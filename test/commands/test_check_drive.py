@@ -39,7 +39,7 @@ class Bench:
         self.params = params
         return self
 
-    def checks(self, _drive: Any, _params: DriveParams, tick: Any, way_rad: float, _flown: Any) -> Any:
+    def checks(self, _drive: Any, _params: DriveParams, tick: Any, way_rad: float, *_axes: Any) -> Any:
         assert tick is check_drive.tick
         self.way_deg = math.degrees(way_rad)
         return SimpleNamespace(still=self._still, moving=lambda: self.moving)

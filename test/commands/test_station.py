@@ -95,10 +95,10 @@ def test_what_cannot_be_asked_has_its_reason(
     [
         ("passes", "show_passes", {"as_json": False}),
         ("track ISS", "track", {"satellite": "ISS", "sensor": "auto", "min_peak_rad": 0.0, "near_s": None,
-                                "output": None, "record": True}),
+                                "output": None, "band": "", "record": True}),
         ("track ISS --sensor program --min-peak 90 --near 2006-06-27T04:00:00 --output out --no-record", "track",
          {"satellite": "ISS", "sensor": "program", "min_peak_rad": math.pi / 2, "near_s": NEAR_S,
-          "output": Path("out"), "record": False}),
+          "output": Path("out"), "band": "", "record": False}),
         ("queue --start", "queue", {"text": None, "remove": [], "start": True}),
         ("status --watch --json", "show_status", {"watch": True, "as_json": True, "forget": False}),
         ("go -1000 -20", "go", {"azimuth_rad": math.radians(-1000.0), "elevation_rad": math.radians(-20.0)}),

@@ -70,7 +70,7 @@ class StationAlarms:
         self._t_s = 0.0
         conditions = (each.attribute for cause in recovery.table.causes for each in cause.when)
         watched = {each.partition(".")[0] for each in conditions if each.endswith(".silent_s")}
-        self.named = watched - {"*"} | {name.strip() for name in thresholds.nodes.split(",")}
+        self.named = watched - {"*"} | set(thresholds.nodes.replace(",", " ").split())
         self._alive_s: dict[str, float] = {}
         self._gone: set[str] = set()
         self._lost_executive = ""

@@ -208,8 +208,11 @@ def feed_model(content: Content, band: str) -> "BiasModel":
     # Imported here: most nodes need no model.
     from rf_pointing.calibration import BiasModel
 
-    terms, zero = _feed_terms(content, band), BiasModel.zero(kinematics_of(content))
-    return zero.replace(**{name: math.radians(value) for name, value in terms.items()})
+    zero = BiasModel.zero(kinematics_of(content))
+    # x3 and x10, by the names of the mount's axes.
+    names = [list(zero.coefficients)[number - 1] for number in (3, 10)]
+    values = map(math.radians, _feed_terms(content, band).values())
+    return zero.replace(**dict(zip(names, values, strict=False)))
 
 
 def _feed_terms(content: Content, band: str) -> dict[str, float]:
@@ -218,8 +221,4 @@ def _feed_terms(content: Content, band: str) -> dict[str, float]:
     feed = content.bands[band].feed_offset
     if feed is None:
         return {}
-    from rf_pointing.calibration.terms import names_of
-
-    # x3 and x10, by the names of the mount's axes.
-    names = names_of(kinematics_of(content).type)
-    return {names[2]: -feed.cross_elevation_deg, names[9]: -feed.elevation_deg}
+    return {"collimation": -feed.cross_elevation_deg, "elevation_offset": -feed.elevation_deg}
