@@ -196,7 +196,7 @@ class Topic(Device):
         "    try:\n        rclpy.spin_once(driver)\n"
         "    except (ValueError, RuntimeError):\n        pass\n"
     )
-    """What was damaged on its way and cannot be read does not end this one."""
+    """The example, going on after messages that were damaged on their way."""
 
     def line(self) -> list[str]:
         arguments = ["--ros-args", "-r", f"__ns:={self._namespace}"]

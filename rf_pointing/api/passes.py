@@ -191,7 +191,7 @@ class Look:
             look.azimuth_rad, look.elevation_rad, look.azimuth_rate_rad_s, look.elevation_rate_rad_s,
             look.azimuth_acceleration_rad_s2, look.elevation_acceleration_rad_s2,
         )  # fmt: skip
-        # What is corrected are the angles of the axes, the lower one under the name of azimuth.
+        # The correction is one of axis angles, the lower axis under the name of azimuth.
         position, rate, bend = (np.column_stack(motion[k : k + 2]) for k in (0, 2, 4))
         axes = np.concatenate((model.mount or LEVEL).to_axes(position, rate, bend), axis=1).T
         rows = np.degrees([*motion[:4], *model.offset_rad(*axes)])[:, 0].tolist()

@@ -243,7 +243,7 @@ def _term_entry(name: str, value: float, sigma: float | None) -> dict[str, Any]:
 
 def _mount_entry(model: BiasModel) -> dict[str, Any]:
     """Return how the axes lie; nothing for azimuth and elevation."""
-    # What a lower axis, a latitude or a tilt is for is in the table of the mounts.
+    # The table of the mounts says which of them have a lower axis, a latitude or a tilt.
     mount = model.mount or Kinematics(type=mount_of(model.coefficients))
     own = (*MOUNTS[mount.type].keys, *(["latitude_deg"] if MOUNTS[mount.type].polar else []))
     every = {key: value for key, value in vars(mount).items() if not key.startswith("_")}

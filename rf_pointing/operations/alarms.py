@@ -33,7 +33,7 @@ class AlarmParams(Params):
     clock_ms: float = parameter(100.0, "offset of the clock of a node's computer", low=1.0, high=1e5)
     memory_free_mb: float = parameter(100.0, "free memory of the computer", low=0.0, high=1e6)
     check_failed_s: float = parameter(5.0, "a check is in error for so long", low=0.0, high=3600.0)
-    nodes: str = parameter("", "own nodes whose errors and silence are alarms, by commas")
+    nodes: str = parameter("", "own nodes whose errors and silence are alarms, separated by commas")
     not_ready_s: float = parameter(
         900.0, "from so long before a pass whatever it needs must be ready", low=60.0, high=1e5
     )

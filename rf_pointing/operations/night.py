@@ -227,7 +227,7 @@ class Night:
             raise ValueError(f"{procedure.name} must wait: {self.active_id or 'a request'} is in work")
         following, place = self.schedule.next(), self._place(now_s)
         if place is None:
-            raise ValueError(f"{procedure.name} must wait: no position of the antenna")
+            raise ValueError(f"{procedure.name} must wait: the antenna shows no position")
         free_s = self.schedule.begins_s(following, place) - now_s if following is not None else math.inf
         needed_s = sum(block.timeout_s for block in procedure.blocks.values())
         if free_s < needed_s:

@@ -262,20 +262,3 @@ def to_terminal(line: str) -> None:
         print(line, flush=True)
     except OSError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-
-
-def _named(name: str, line: str) -> str:
-    """Return a line of a program's log with its name, as one object where that is chosen.
-
-    A line that is an object already keeps its members: its own name, and `process` in front of it.
-    """
-    if not json_lines():
-        return f"[{name}] {line}"
-    try:
-        members = json.loads(line)
-        known = isinstance(members, dict)
-    except ValueError:
-        known = False
-    # What an interpreter or a library prints: a traceback, a line of C.
-    row = members if known else {"t_s": time.time(), "level": "INFO", "name": name, "text": line}
-    return json.dumps({"process": name} | row)
