@@ -9,6 +9,7 @@ Needed: Debian's `rotctld` (libhamlib-utils), and `chromium` for the pictures, w
     clone    a fresh clone in an empty environment: the lines of the README, size, time; what is refused
     offline  the commands before the first motion, each in one line, with the exit code that is expected
     flight   `track` of one pass on rotctld, with its report
+    vendor   a 7-m mount behind topics that takes rates: check_drive, first motion, identify_antenna, tune, a pass
     boot     rotctld is off at the boot and comes `--minutes` later; unplugged in a pass; a power cut in another
     page     pictures of the page at 1400 and 390 px, light and dark
 """
@@ -233,6 +234,81 @@ def flight(table: Table, folder: Path, _given: argparse.Namespace) -> None:
     table.add("held in it", ">= 95 %", f"{held:.1f} %", held >= 95.0)
 
 
+VENDOR = """version: 1
+name: Vendor's 7 m
+site: {{latitude_deg: 52.2, longitude_deg: 6.9, height_m: 60.0}}
+dish: {{diameter_m: {vendor.DISH_M}}}
+mount:
+  azimuth: {{travel_deg: {azimuth}, {axis}}}
+  elevation: {{travel_deg: {elevation}, {axis}}}
+wind: {{anemometer: false}}
+bands: {{X: {{frequency_mhz: 8200.0, sensors: []}}}}
+drive: {{type: topic, model: rate, rotator: {{latency_s: 0.06}}, link: {{poll_period_s: 0.02}}}}
+"""
+
+
+def vendor(table: Table, folder: Path, _given: argparse.Namespace) -> None:
+    """Bring a vendor's mount with rate inputs to a flown pass, as docs/own_antenna.md orders it."""
+    import vendor_antenna
+    from launched_station import over, read_station
+
+    axis = (
+        f"rate_deg_s: {vendor_antenna.RATE_DEG_S}, acceleration_deg_s2: {vendor_antenna.ACCELERATION_DEG_S2}, "
+        f"encoder_bits: {vendor_antenna.BITS}"
+    )
+    travels = {
+        "azimuth": list(vendor_antenna.AZIMUTH_TRAVEL_DEG), "elevation": list(vendor_antenna.ELEVATION_TRAVEL_DEG)
+    }  # fmt: skip
+    station = folder / "vendor.yaml"
+    station.write_text(VENDOR.format(vendor=vendor_antenna, axis=axis, **travels))
+    environment = dict(os.environ) | {"ROS_DOMAIN_ID": "72", "HOME": str(folder)}
+    namespace, launch = "/gs1", str(ROOT / "scripts" / "launch")
+
+    def run(what: str, *words: str, patience_s: float = 400.0) -> tuple[int, str]:
+        begun_s = time.monotonic()
+        code, said = ask(words, environment, folder, patience_s)
+        last = (said.strip().splitlines() or ["-"])[-1]
+        table.add(what, "exit 0", f"exit {code} in {time.monotonic() - begun_s:.0f} s: {last[:160]}", code == 0)
+        return code, said
+
+    def launched() -> None:
+        run("launch of the vendor's station", launch, "single_antenna", f"station:={station}", "--detach")
+
+    _, said = run("check_station", executable("check_station"), str(station))
+    table.add("first loops", "shown with their formula", *shown_loops(said))
+    words = [sys.executable, str(ROOT / "benchmarks" / "vendor_antenna.py"), "--ros-args", "-r", f"__ns:={namespace}"]
+    antenna = subprocess.Popen(words, env=environment, cwd=folder)
+    named = ("--station", str(station), "--namespace", namespace)
+    try:
+        run("check_drive --move", executable("check_drive"), *named, "--move")
+        launched()
+        _, said = run(
+            "identify_antenna --quick, both axes", executable("identify_antenna"), *named, "--quick",
+            "--output", str(folder / "identified"), patience_s=900.0,
+        )  # fmt: skip
+        block = said[said.rfind("tuning:") :]
+        run("tune", executable("tune"), str(folder / "identified" / "models.json"), "--station", str(station))
+        run("stop", launch, "stop")
+        station.write_text(station.read_text() + block)
+        run("check_station with the pasted block", executable("check_station"), str(station))
+        elements = over.write_elements(folder, read_station(station).site, time.time() + 240.0)
+        words = [executable("track"), "--station", str(station), "--elements", str(elements), "--satellite", "OVERHEAD"]
+        run("`track` of one pass", *words, "--sensor", "program", "--output", str(folder / "flight"), patience_s=900.0)
+    finally:
+        ask([launch, "stop"], environment, folder)
+        antenna.kill()
+        antenna.wait()
+    outcome = json.loads((folder / "flight" / "summary.json").read_text())["outcome"]
+    held = float((outcome.get("counted") or {}).get("held_percent", 0.0))
+    table.add("held in it", ">= 95 %", f"{held:.1f} %", held >= 95.0)
+
+
+def shown_loops(said: str) -> tuple[str, bool]:
+    """Return the line of check_station with the loops of the azimuth, and whether it is there."""
+    line = next((line.strip() for line in said.splitlines() if "k_p" in line), "-")
+    return line[:160], line != "-"
+
+
 def boot(table: Table, folder: Path, given: argparse.Namespace) -> None:
     """One run in wall time: rotctld comes late, is unplugged in a pass, and everything is killed in another."""
     began_s = time.time()
@@ -350,7 +426,7 @@ def page(table: Table, folder: Path, _given: argparse.Namespace) -> None:
         station.close()
 
 
-PARTS = {"clone": clone, "offline": offline, "flight": flight, "boot": boot, "page": page}
+PARTS = {"clone": clone, "offline": offline, "flight": flight, "vendor": vendor, "boot": boot, "page": page}
 
 
 def main() -> None:

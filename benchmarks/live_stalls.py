@@ -89,7 +89,8 @@ SHIM = r"""
 #include <sys/time.h>
 #include <time.h>
 #include <unistd.h>
-static volatile double *share; /* of the datagrams that are lost, and damaged; s by which the clock is ahead */
+/* Of the datagrams: lost, damaged; s by which the clock is ahead; sent a second time, damaged and of a stranger. */
+static volatile double *share;
 static void shift(struct timespec *time, double seconds) {
   double whole = floor(seconds);
   time->tv_sec += (time_t)whole;
@@ -105,7 +106,7 @@ static struct timespec kernel_time(const struct timespec *end) {
 #define REAL(name) static __typeof__(name) *real; if (!real) real = (__typeof__(name) *)dlsym(RTLD_NEXT, #name)
 __attribute__((constructor)) static void begin(void) {
   int file = open(getenv("DATAGRAM_LOSS"), O_RDONLY);
-  share = mmap(0, 3 * sizeof(double), PROT_READ, MAP_SHARED, file, 0);
+  share = mmap(0, 4 * sizeof(double), PROT_READ, MAP_SHARED, file, 0);
   srand48(getpid());
 }
 static int chosen(int file, double part) {
@@ -113,29 +114,35 @@ static int chosen(int file, double part) {
   socklen_t size = sizeof type;
   return part > 0.0 && !getsockopt(file, SOL_SOCKET, SO_TYPE, &type, &size) && type == SOCK_DGRAM && drand48() < part;
 }
-static ssize_t damaged(int file, const void *data, size_t size, int flags, const struct sockaddr *to, socklen_t length) {
+/* Bytes 8 to 19 of a datagram of RTPS say whose it is. */
+static ssize_t damaged(int file, const void *data, size_t size, int flags, const struct sockaddr *to, socklen_t length,
+                       int strange) {
   REAL(sendto);
   char copy[65536];
   memcpy(copy, data, size);
+  for (size_t byte = 8; strange && byte < 20 && byte < size; byte++) copy[byte] = (char)lrand48();
   for (int count = 1 + lrand48() % 8; count && size; count--) copy[lrand48() % size] = (char)lrand48();
   return real(file, copy, lrand48() % 4 ? size : lrand48() % size, flags, to, length) < 0 ? -1 : (ssize_t)size;
 }
 ssize_t sendto(int file, const void *data, size_t size, int flags, const struct sockaddr *to, socklen_t length) {
   REAL(sendto);
   if (chosen(file, share[0])) return (ssize_t)size;
-  return chosen(file, share[1]) ? damaged(file, data, size, flags, to, length) : real(file, data, size, flags, to, length);
+  if (chosen(file, share[3])) damaged(file, data, size, flags, to, length, 1);
+  return chosen(file, share[1]) ? damaged(file, data, size, flags, to, length, 0) : real(file, data, size, flags, to, length);
 }
 ssize_t sendmsg(int file, const struct msghdr *message, int flags) {
   REAL(sendmsg);
   ssize_t size = 0;
-  int lost = chosen(file, share[0]);
-  if (!lost && !chosen(file, share[1])) return real(file, message, flags);
+  int lost = chosen(file, share[0]), copied = chosen(file, share[3]), spoilt = chosen(file, share[1]);
+  if (!lost && !copied && !spoilt) return real(file, message, flags);
   char whole[65536];
   for (size_t part = 0; part < message->msg_iovlen; part++) {
     memcpy(whole + size, message->msg_iov[part].iov_base, message->msg_iov[part].iov_len);
     size += message->msg_iov[part].iov_len;
   }
-  return lost ? size : damaged(file, whole, size, flags, message->msg_name, message->msg_namelen);
+  if (lost) return size;
+  if (copied) damaged(file, whole, size, flags, message->msg_name, message->msg_namelen, 1);
+  return spoilt ? damaged(file, whole, size, flags, message->msg_name, message->msg_namelen, 0) : real(file, message, flags);
 }
 int pthread_cond_timedwait(pthread_cond_t *condition, pthread_mutex_t *mutex, const struct timespec *end) {
   static __typeof__(pthread_cond_timedwait) *real;
