@@ -104,7 +104,10 @@ class KeptLink:
     """
 
     def __init__(self, name: str, params: LinkParams, baud: int) -> None:
-        self._where = f"{name} at {params.device or f'{params.host}:{params.port}'}"
+        self._name, self._where = (
+            name,
+            f"{name} at {params.device or f'{params.host}:{params.port}'}",
+        )
         self._params, self._baud = params, baud
         self.problem = f"{self._where} is not connected yet"
         self.link: Link | None = None
@@ -119,7 +122,12 @@ class KeptLink:
             try:
                 self.link = self._opening.result()
             except OSError as error:
-                self._back_off(t_s, f"{error.strerror or error}")
+                hint = (
+                    f"; is {self._name} running?"
+                    if isinstance(error, ConnectionRefusedError)
+                    else ""
+                )
+                self._back_off(t_s, f"{error.strerror or error}{hint}")
             self._opening = None
             return self.link is not None
         return False

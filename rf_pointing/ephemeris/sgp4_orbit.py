@@ -132,7 +132,8 @@ class Sgp4Orbit:
         if not age_s <= self.max_age_s:
             raise ValueError(
                 f"t_s={np.max(t_s)} is {age_s / DAY_S:.2f} days from the epoch {utc_text(self.elements.epoch_t_s)} of "
-                f"{self.name}, must be <= max_age_s={self.max_age_s} ({self.max_age_s / DAY_S:.2f} days)"
+                f"{self.name}, must be <= max_age_s={self.max_age_s} ({self.max_age_s / DAY_S:.2f} days); "
+                "fetch_elements brings newer ones"
             )
 
 

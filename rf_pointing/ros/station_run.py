@@ -14,6 +14,7 @@ from typing import Any, TypeVar
 
 import rclpy
 import yaml
+from lifecycle_msgs.srv import GetState
 from rclpy.action import ActionClient
 from std_srvs.srv import Trigger
 
@@ -100,9 +101,16 @@ class GraphRun:
         """Send a goal and return its handle; NotStartedError with the reason if it is refused."""
         handle = self.waiting.answer(client.send_goal_async(goal, feedback_callback=feedback), owner)
         if not handle.accepted:
-            reason = self.graph.complaint(owner) if self.graph else f"{owner} is not active, or has another one"
-            raise NotStartedError(f"the goal was refused: {reason}")
+            raise NotStartedError(f"the goal was refused: {self._refusal_of(owner)}")
         return handle
+
+    def _refusal_of(self, owner: str) -> str:
+        """Return why a node refuses a goal: what it logs, or its state if another run began it."""
+        if self.graph:
+            return self.graph.complaint(owner)
+        answer = self.waiting.call(self.node, GetState, f"{owner}/get_state", GetState.Request())
+        state = answer.current_state.label
+        return f"{owner} is {state}; " + ("its log says why" if state == "active" else "it must be active")
 
     def result(self, handle: Any) -> Any:
         """Return the result of an accepted goal, which is cancelled when the user stops the run."""

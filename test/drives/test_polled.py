@@ -114,7 +114,7 @@ def test_attempts_to_reconnect_become_rarer_up_to_the_longest_wait(monkeypatch: 
         now[0] += 0.02
     waits = [b - a for a, b in pairwise(attempts)]
     assert waits[:6] == pytest.approx([0.52, 1.02, 2.02, 4.02, 4.02, 4.02], abs=0.05)
-    assert drive.problem == "rotctld at localhost:4533: Connection refused"
+    assert drive.problem == "rotctld at localhost:4533: Connection refused; is rotctld running?"
 
 
 def test_a_stop_that_a_device_did_not_receive_is_sent_again(bench) -> None:

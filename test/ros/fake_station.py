@@ -9,6 +9,8 @@ from typing import Any
 
 import pytest
 import rclpy
+from lifecycle_msgs.msg import State
+from lifecycle_msgs.srv import GetState
 from rcl_interfaces.srv import GetParameters
 
 from rf_pointing.ros import (
@@ -79,8 +81,10 @@ class FakeStation:
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.wall, self.ready_s, self.answer_s, self.result_s = Wall(), 0.05, 0.05, 1.0
         self.services: dict[str, Callable[[Any], Any]] = {
-            "antenna_servo/get_parameters": lambda _: GetParameters.Response()
+            "antenna_servo/get_parameters": lambda _: GetParameters.Response(),
+            "pointing_controller/get_state": lambda _: GetState.Response(current_state=State(label=self.state)),
         }
+        self.state = "inactive"
         self.results: dict[str, Any] = {}
         self.events: list[tuple[float, Callable[[], None]]] = []
         self.calls: list[tuple[str, Any]] = []
