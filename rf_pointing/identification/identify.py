@@ -75,6 +75,17 @@ def restore_integrator(model: PoleResidue, below_hz: float = 0.03) -> PoleResidu
     return PoleResidue(poles, residues, model.direct, model.sample_s)
 
 
+def summed(model: PoleResidue) -> PoleResidue:
+    """Return the model whose output is the sum of that of `model` up to each sample: a pole at 1.
+
+    z / (z - 1) times r / (z - p) is r p / (p - 1) / (z - p) beside r / (1 - p) / (z - 1).
+    """
+    poles = np.concatenate([[1.0], model.poles])
+    steady = np.sum(model.residues / (1.0 - model.poles)).real + model.direct
+    residues = np.concatenate([[steady], model.residues * model.poles / (model.poles - 1.0)])
+    return PoleResidue(poles.astype(np.complex128), residues, model.direct, model.sample_s)
+
+
 def refit_residues(model: PoleResidue, inputs: ArrayLike, outputs: ArrayLike) -> PoleResidue:
     """Return the model with residues and direct term fitted to sequences (sequences, samples).
 
@@ -175,11 +186,21 @@ def high_pass(sequences: ArrayLike, sample_s: float, corner_hz: float, settle_s:
     return np.asarray(passed[:, round(settle_s / sample_s) :])
 
 
+def _level(sequences: Array) -> Array:
+    return sequences - np.mean(sequences, axis=1, keepdims=True)
+
+
+def _realized(u: Array, y: Array, sample_s: float, params: IdentificationParams) -> tuple[PoleResidue, Array, float]:
+    """Return modes, Hankel singular values, and condition of the observer."""
+    observer = observer_markov(u, y, params.observer_order)
+    realization = realize(system_markov(observer, params.markov_count), params.realization_order, sample_s)
+    return PoleResidue.from_state_space(realization.model), realization.hankel, observer.condition
+
+
 def identify(inputs: ArrayLike, outputs: ArrayLike, sample_s: float, params: IdentificationParams) -> Identified:
     """Return the model between `inputs` and `outputs`, both (sequences, samples).
 
-    Raises ValueError if the data do not support the orders, or no pole is slow enough to be the
-    integrator.
+    Raises ValueError if the data do not support the orders.
     """
     import scipy.signal
 
@@ -188,12 +209,15 @@ def identify(inputs: ArrayLike, outputs: ArrayLike, sample_s: float, params: Ide
     else:
         # A drift of the integrator from wind is not a response to the input.
         u, y = (scipy.signal.detrend(np.atleast_2d(data), axis=1) for data in (inputs, outputs))
-    observer = observer_markov(u, y, params.observer_order)
-    markov = system_markov(observer, params.markov_count)
-    realization = realize(markov, params.realization_order, sample_s)
-    modal = PoleResidue.from_state_space(realization.model)
+    modal, hankel, condition = _realized(u, y, sample_s, params)
     if params.integrator:
-        modal = restore_integrator(modal, params.integrator_below_hz)
+        try:
+            modal = restore_integrator(modal, params.integrator_below_hz)
+        except ValueError:
+            # In short sequences wind hides the integrator among its drifts; rates have none.
+            u, y = np.atleast_2d(inputs)[:, 1:], np.diff(np.atleast_2d(outputs), axis=1)
+            rates, hankel, condition = _realized(_level(u), _level(y), sample_s, params)
+            modal = summed(rates)
     # An antenna structure has no pole outside the unit circle; noise invents them.  The integrator
     # is exactly on it and stays.
     kept = np.abs(modal.poles) <= 1.0
@@ -204,4 +228,4 @@ def identify(inputs: ArrayLike, outputs: ArrayLike, sample_s: float, params: Ide
     corner = max(params.refit_high_pass_hz, params.high_pass_hz)
     fit_u, fit_y = (high_pass(data, sample_s, corner, params.settle_s) for data in (inputs, outputs))
     refitted = refit_residues(PoleResidue.from_state_space(reduced), fit_u, fit_y)
-    return Identified(refitted.to_state_space(), realization.hankel, observer.condition)
+    return Identified(refitted.to_state_space(), hankel, condition)

@@ -14,7 +14,9 @@ from rf_pointing.identification.identify import (
     identify,
     refit_residues,
     restore_integrator,
+    summed,
 )
+from rf_pointing.identification.study import check_straight
 
 FREQUENCY_HZ = np.array([0.05, 0.7, 2.0, 4.0, 11.0])
 
@@ -31,6 +33,25 @@ def test_two_small_poles_become_one_exact_integrator(planted: StateSpace, split:
     assert len(restored.poles) == len(modal.poles)
     response = restored.to_state_space().response(FREQUENCY_HZ)
     np.testing.assert_allclose(response, planted.response(FREQUENCY_HZ), rtol=1e-9)
+
+
+def test_the_summed_model_gives_the_sums_of_the_outputs(planted: StateSpace) -> None:
+    rates = PoleResidue.from_state_space(without_integrator(planted))
+    u = np.random.default_rng(5).standard_normal(400)
+    sums = np.cumsum(rates.to_state_space().simulate(u)[:, 0])
+    assert summed(rates).to_state_space().simulate(u)[:, 0] == pytest.approx(sums, rel=1e-9, abs=1e-12)
+
+
+def test_an_integrator_that_wind_hides_is_found_by_the_rates(planted: StateSpace) -> None:
+    """No pole is below 10 uHz in 20 s: the model of the rates, summed, is as good."""
+    random = np.random.default_rng(2)
+    inputs = random.normal(2.0, 1.0, (5, 1000))
+    wind = SAMPLE_S * np.cumsum(0.1 * random.standard_normal(inputs.shape), axis=1)
+    outputs = np.array([planted.simulate(u)[:, 0] for u in inputs]) + wind
+    few = IdentificationParams(order=5, realization_order=8, observer_order=60, integrator_below_hz=1e-5)
+    found = identify(inputs[:4], outputs[:4], SAMPLE_S, few)
+    assert 1.0 in PoleResidue.from_state_space(found.model).poles
+    assert check_straight(found.model, inputs[4], outputs[4]).error < 0.002
 
 
 def test_refit_recovers_residues_from_sequences_that_start_in_motion(planted: StateSpace) -> None:
