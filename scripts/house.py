@@ -40,7 +40,6 @@ SMALL_ON_PURPOSE: dict[str, str] = {
     "rf_pointing/api/keywords.py": "the rule of the public surface: angles and times by a name with its unit",
     "rf_pointing/ros/recorder.py": "examples record with it, too",
     "rf_pointing/ros/band_change.py": "nodes of one band stand on nothing of it",
-    "rf_pointing/report/scan_picture.py": "one picture, like its neighbours",
     "rf_pointing/station/description/remarks.py": "nodes load the description without them",
     "rf_pointing/station/description/writing.py": "nodes load the description without it",
     "rf_pointing/station/derive/signal.py": "one block of the derivation, like its neighbours",

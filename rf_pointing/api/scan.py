@@ -214,7 +214,7 @@ class ScanResult(ScanNumbers):
 
     def draw(self, path: str | Path) -> None:
         """Draw the pattern's cuts and the map of the powers into a PNG."""
-        from rf_pointing.report.scan_picture import draw_scan
+        from rf_pointing.report.plan_picture import draw_scan
 
         draw_scan(self.samples, self.fit, str(self).splitlines()[0], Path(path))
 

@@ -62,9 +62,9 @@ _UNITS = {
 def parameter(
     default: Any = dataclasses.MISSING,
     description: str = "",
-    *,
     low: float | None = None,
     high: float | None = None,
+    *,
     choices: Collection[str] | None = None,
 ) -> Any:
     """Declare one field of a `Params` class; `low` and `high` are in the field's own unit."""

@@ -30,8 +30,7 @@ INVALID, NOT_IMPLEMENTED, TIMED_OUT, IO_ERROR, REJECTED = -1, -4, -5, -6, -9
 # A page of another site may choose the method where a name of its own leads here: the first header
 # that browsers then send is Host.
 _OF_HTTP = re.compile(
-    r"(GET|HEAD|POST|PUT|PATCH|DELETE|OPTIONS|CONNECT|TRACE|PRI)\b|host\s*:|.*\bHTTP/\d",
-    re.IGNORECASE,
+    r"(?i)(GET|HEAD|POST|PUT|PATCH|DELETE|OPTIONS|CONNECT|TRACE|PRI)\b|host\s*:|.*\bHTTP/\d"
 )
 _READ_BYTES = 4096
 _ANSWER_S = 3.0
@@ -46,25 +45,23 @@ class ServerParams(Params):
     host: str = parameter(
         "127.0.0.1", "address of the port; others reach any but loopback: see allow, password_file"
     )
-    port: int = parameter(4533, "TCP port; 0: any free one", low=0, high=65535)
+    port: int = parameter(4533, "TCP port; 0: any free one", 0, 65535)
     allow: str = parameter(
         "", "addresses and networks of the clients, separated by commas; empty: any"
     )
     password_file: str = parameter(
         "", "file (mode 600) of the word that \\password must give first; empty: none"
     )
-    most_refused: int = parameter(
-        20, "lines refused in a row that end a connection", low=1, high=1000
-    )
+    most_refused: int = parameter(20, "lines refused in a row that end a connection", 1, 1000)
     most_clients: int = parameter(
         100, "clients at one time; then one that has sent no line gives way, else further ones are refused",
-        low=1, high=500,
+        1, 500,
     )  # fmt: skip
     idle_s: float = parameter(
-        600.0, "a client that sends nothing for so long is disconnected", low=1.0, high=86400.0
+        600.0, "a client that sends nothing for so long is disconnected", 1.0, 86400.0
     )
     patience_s: float = parameter(
-        5.0, "a client that reads no answer for so long is disconnected", low=0.1, high=60.0
+        5.0, "a client that reads no answer for so long is disconnected", 0.1, 60.0
     )
 
     def check_together(self) -> None:
@@ -89,6 +86,8 @@ NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]{1,3})?")
 """A number of a client; float() reads "nan", "inf" and "1_0", too."""
 Fields = tuple[tuple[str, str], ...]
 """Lines of an answer, each in the extended and in the plain form."""
+Judgement = tuple[int, str, tuple[float, ...]]
+"""0 or the code of an error, the reason, and the numbers in the arguments of a command."""
 
 
 def labelled(*values: tuple[str, object]) -> Fields:
@@ -115,8 +114,8 @@ class ServedWords:
         """Return the number of arguments of a command, None for one that is not known."""
         return {**dict(self.letters.values()), **self.names, "password": 1}.get(name)
 
-    def judged(self, name: str, arguments: list[str]) -> tuple[int, str, tuple[float, ...]]:
-        """Return 0 or the code of an error, the reason, and the numbers in the arguments."""
+    def judged(self, name: str, arguments: list[str]) -> Judgement:
+        """Return whether the station or this side may carry a command out."""
         raise NotImplementedError
 
     def fields(self, order: "Order") -> Fields | None:
@@ -165,25 +164,15 @@ class Session:
             # The end of a line that was too long: its beginning has been refused.
             if self._discarding:
                 self._discarding = False
-            elif len(line) > LONGEST_LINE:
-                yield self._too_long()
             elif (order := _order(line, self.words)) is not None:
                 yield order
         if len(rest) > LONGEST_LINE and not self._discarding:
             self._discarding = True
-            yield self._too_long()
+            yield _foreign(_TOO_LONG)
         self._buffer = bytearray(b"" if self._discarding else rest)
 
     @staticmethod
-    def _too_long() -> Order:
-        return Order(
-            "", code=INVALID, reason=f"a line is longer than {LONGEST_LINE} bytes", foreign=True
-        )
-
-    @staticmethod
-    def answer(
-        order: Order, code: int = 0, fields: tuple[tuple[str, str], ...] = (), reason: str = ""
-    ) -> bytes:
+    def answer(order: Order, code: int = 0, fields: Fields = (), reason: str = "") -> bytes:
         """Return the answer; `fields` are its lines in the extended and in the plain form.
 
         The extended form has room for the `reason` of a refused order, the plain one has its code.
@@ -200,31 +189,37 @@ class Session:
 def _order(line: bytes, words: ServedWords) -> Order | None:
     """Return the order of a line without its end, None for an empty line or a comment."""
     text = line.strip(b" \t\r").decode("ascii", errors="replace")
+    if len(line) > LONGEST_LINE:
+        return _foreign(_TOO_LONG)
     if not text or text.startswith("#"):
         return None
     if not text.isascii() or not text.isprintable():
-        return Order("", code=INVALID, reason="a line holds bytes that are not text", foreign=True)
+        return _foreign("a line holds bytes that are not text")
     if _OF_HTTP.match(text):
-        return Order("", code=INVALID, reason=f"{shown(text)} is of a web page", foreign=True)
+        return _foreign(f"{shown(text)} is of a web page")
     separator = {"+": "\n", ";": ";", "|": "|", ",": ","}.get(text[0], "")
     word, *arguments = text[1 if separator else 0 :].split() or [""]
+    name, count = word, None
     if word.startswith("\\"):
         name, count = word[1:], words.count(word[1:])
     elif len(word) == 1:
         name, count = words.letters.get(word, (word, None))
     else:
-        return Order(
-            "", separator=separator, code=INVALID, reason=f"{shown(word)} is not a command"
-        )
-    written = " ".join(arguments)
-    if count is None:
-        reason = f"command {shown(name)} is not known"
-        return Order(name, text=written, separator=separator, code=NOT_IMPLEMENTED, reason=reason)
-    values: tuple[float, ...] = ()
-    code, reason = INVALID, f"{name} has {len(arguments)} arguments, must have {count}"
+        return Order("", (), "", separator, INVALID, f"{shown(word)} is not a command")
+    judged: Judgement = NOT_IMPLEMENTED, f"command {shown(name)} is not known", ()
+    if count is not None:
+        judged = INVALID, f"{name} has {len(arguments)} arguments, must have {count}", ()
     if len(arguments) == count:
-        code, reason, values = words.judged(name, arguments)
-    return Order(name, values, written, separator, code, reason)
+        judged = words.judged(name, arguments)
+    code, reason, values = judged
+    return Order(name, values, " ".join(arguments), separator, code, reason)
+
+
+_TOO_LONG = f"a line is longer than {LONGEST_LINE} bytes"
+
+
+def _foreign(reason: str) -> Order:
+    return Order("", code=INVALID, reason=reason, foreign=True)
 
 
 def shown(text: str) -> str:
@@ -264,22 +259,14 @@ class LineServer:
 
     `inbox` is called in the thread of the server with what the station carries out, and
     `refused` with each line that was refused, in words.  With a `password` a client must give it
-    first, as text or as its MD5 in hexadecimal digits, which is what Hamlib sends.
-
-    Raises
-    ------
-    ValueError
-        When the port cannot be opened.
+    first, as text or as its MD5 in hexadecimal digits, which is what Hamlib sends.  Raises
+    ValueError where the port cannot be opened.
     """
 
     def __init__(
-        self,
-        params: ServerParams,
-        words: ServedWords,
-        inbox: Callable[[Inquiry], None],
-        refused: Callable[[str], object] = str,
-        password: str = "",
-    ) -> None:
+        self, params: ServerParams, words: ServedWords, inbox: Callable[[Inquiry], None],
+        refused: Callable[[str], object] = str, password: str = "",
+    ) -> None:  # fmt: skip
         self._params, self.words, self._inbox, self._refused = params, words, inbox, refused
         self._password = password
         self._unheard: dict[str, asyncio.StreamWriter] = {}
@@ -291,9 +278,8 @@ class LineServer:
             self._socket.listen(128)
         except OSError as error:
             self._socket.close()
-            raise ValueError(
-                f"server.host={params.host}, server.port={params.port}: {error.strerror}"
-            ) from error
+            place = f"server.host={params.host}, server.port={params.port}"
+            raise ValueError(f"{place}: {error.strerror}") from error
         self.port: int = self._socket.getsockname()[1]
         self._loop = asyncio.new_event_loop()
         self._tasks: set[asyncio.Task[None]] = set()
@@ -309,12 +295,10 @@ class LineServer:
         """Return what became of clients and lines, as /diagnostics shows it."""
         counts = self.counts
         return {
-            "port": self.port,
-            "clients": len(counts.connected),
-            "refused lines": counts.refused_lines,
-            "last refused": counts.last_refusal,
+            "port": self.port, "clients": len(counts.connected),
+            "refused lines": counts.refused_lines, "last refused": counts.last_refusal,
             "refused clients": counts.refused_clients,
-        }
+        }  # fmt: skip
 
     def close(self) -> None:
         """Disconnect every client and free the port."""
@@ -349,9 +333,8 @@ class LineServer:
             if not allowed:
                 self._refuse_client(writer, f"{name} is not in server.allow={self._params.allow}")
             elif full:
-                self._refuse_client(
-                    writer, f"{name}: {self._params.most_clients} clients are connected"
-                )
+                many = f"{self._params.most_clients} clients are connected"
+                self._refuse_client(writer, f"{name}: {many}")
             else:
                 self.counts.connected[name], self._unheard[name] = time.monotonic(), writer
                 self.counts.clients += 1
@@ -382,12 +365,8 @@ class LineServer:
                     return
                 if order.name == "password" and not order.code:
                     known = known or self._is_password(order.text)
-                    order = replace(
-                        order,
-                        text="",
-                        code=0 if known else REJECTED,
-                        reason="the password is wrong",
-                    )
+                    code = 0 if known else REJECTED
+                    order = replace(order, text="", code=code, reason="the password is wrong")
                     await asyncio.sleep(0.0 if known else WRONG_S)
                 elif not known and not order.foreign:
                     order = replace(order, code=REJECTED, reason="\\password must come first")
@@ -395,9 +374,8 @@ class LineServer:
                 refused = refused + 1 if order.code else 0
                 if order.foreign or refused >= self._params.most_refused:
                     self.counts.ended += 1
-                    self._refused(
-                        f"{name} is disconnected after {refused} refused lines; the last: {order.reason}"
-                    )
+                    ended = f"{name} is disconnected after {refused} refused lines"
+                    self._refused(f"{ended}; the last: {order.reason}")
                     return
             await asyncio.wait_for(writer.drain(), self._params.patience_s)
 

@@ -12,20 +12,11 @@ import math
 from collections import Counter, deque
 
 from rf_pointing.core.types import Pair
-from rf_pointing.drives.drive import POSITION as POSITION_SET_POINTS
-from rf_pointing.drives.drive import Capabilities, Drive, DriveReading
+from rf_pointing.drives import protocols
+from rf_pointing.drives.drive import Drive, DriveReading
 from rf_pointing.drives.link import KeptLink, Link
 from rf_pointing.drives.params import DriveParams
-from rf_pointing.drives.protocols import (
-    ALARM,
-    LIMITS,
-    NOISE,
-    POSITION,
-    REFUSED,
-    Answer,
-    DeviceProtocol,
-    Request,
-)
+from rf_pointing.drives.protocols import Answer, DeviceProtocol, Request
 
 ALSO_S = 1.0
 STOP_AGAIN_S = 1.0
@@ -42,7 +33,7 @@ class PolledDrive(Drive):
     _set_point: Pair | None
 
     def __init__(self, protocol: DeviceProtocol, params: DriveParams) -> None:
-        self._protocol, self._params, self._timing = protocol, params.rotator, params.link
+        self._protocol, self._params, self._timing = protocol, params, params.link
         self._kept = KeptLink(protocol.name, params.link, protocol.baud)
         self.losses: Counter[str] = Counter()
         self.problem = self._kept.problem
@@ -52,7 +43,7 @@ class PolledDrive(Drive):
         self._owed_s: deque[float] = deque()
         """When the requests of the position were sent whose answers may still come."""
         self._reading: DriveReading | None = None
-        self._stop_first()
+        self._set_point, self._stopped, self._stop_due = None, True, True
         self._latency_s, self._alarm, self._refused = 0.0, "", ""
         # Waits are kept in a time that does not jump; clocks are set, by `_set_s` in all.
         self._own_s: float | None = None
@@ -64,20 +55,9 @@ class PolledDrive(Drive):
 
     def _state_capabilities(self, travel_rad: tuple[Pair, Pair] | None) -> None:
         """State what is known of the device now; it may say more once it is connected."""
-        rotator, protocol = self._params, self._protocol
-        self._resolution_deg = protocol.resolution_deg
-        steps = zip(rotator.resolution_rad, protocol.resolution_deg, strict=True)
-        first, second = (own or math.radians(theirs) for own, theirs in steps)
-        self.capabilities = Capabilities(
-            set_points=POSITION_SET_POINTS,
-            resolution_rad=(first, second),
-            rate_rad_s=rotator.rate_rad_s,
-            period_s=self._timing.poll_period_s,
-            latency_s=rotator.latency_s,
-            travel_rad=travel_rad,
-            one_turn=rotator.reads_one_turn,
-            has_elevation=protocol.has_elevation,
-        )
+        self._resolution_deg = self._protocol.resolution_deg
+        known = {"travel_rad": travel_rad, "has_elevation": self._protocol.has_elevation}
+        self.capabilities = self._params.capabilities(self._resolution_deg, **known)
 
     def step(self, t_s: float) -> DriveReading | None:
         now_s = t_s - self._set_s
@@ -126,17 +106,13 @@ class PolledDrive(Drive):
 
     # The link
 
-    def _stop_first(self) -> None:
-        """Whatever the device does now was not commanded on this connection."""
-        self._stop_due, self._stopped = True, True
-        self._set_point = None
-
     def _begin(self, t_s: float) -> None:
         """Begin the exchange on a link that has just been opened."""
         self._pending = None
         self._owed_s.clear()
         self._buffer.clear()
-        self._stop_first()
+        # Whatever the device does now was not commanded on this connection.
+        self._set_point, self._stopped, self._stop_due = None, True, True
         self._protocol.connected()
         self._queue = deque(self._protocol.greeting)
         self._known_s, self._also_s, self._asked_s = t_s, t_s, math.inf
@@ -161,17 +137,13 @@ class PolledDrive(Drive):
             self.losses[f"answer to {self._pending[0].name}"] += 1
             self._pending = None
         # From its first request on: a tick that came late is not silence of the device.
-        if (
-            t_s - max(self._known_s, self._asked_s - self._timing.poll_period_s)
-            > self._timing.lost_s
-        ):
-            refused = f", last answer: {self._refused}" if self._refused else ""
-            lost_s = self._timing.lost_s
-            self._lose(
-                t_s, f"no position for {t_s - self._known_s:.1f} s, at most {lost_s:.1f} s{refused}"
-            )
+        since_s = max(self._known_s, self._asked_s - self._timing.poll_period_s)
+        if t_s - since_s <= self._timing.lost_s:
+            self._send(link, t_s)
             return
-        self._send(link, t_s)
+        refused = f", last answer: {self._refused}" if self._refused else ""
+        silent = f"no position for {t_s - self._known_s:.1f} s"
+        self._lose(t_s, f"{silent}, at most {self._timing.lost_s:.1f} s{refused}")
 
     def _send_now(self) -> None:
         """Send a new set point or a stop without waiting for the next tick."""
@@ -183,13 +155,11 @@ class PolledDrive(Drive):
 
     def _send(self, link: Link, t_s: float) -> None:
         # A stop does not wait for an answer that may never come.
-        while (self._stop_due or self._pending is None) and (
-            request := self._next(t_s)
-        ) is not None:
+        while (self._stop_due or self._pending is None) and (request := self._next(t_s)):
             link.write(request.data)
             if request.answer:
                 self._pending = request, t_s
-            if request.answer == POSITION:
+            if request.answer == protocols.POSITION:
                 self._owed_s.append(t_s)
 
     def _next(self, t_s: float) -> Request | None:
@@ -219,20 +189,21 @@ class PolledDrive(Drive):
 
     def _take(self, answer: Answer, t_s: float) -> None:
         pending = self._pending
-        if answer.kind == POSITION:
+        if answer.kind == protocols.POSITION:
             self._take_position(answer, t_s)
-        elif answer.kind == LIMITS:
-            if len(answer.angles_deg) == 4:
-                low_az, high_az, low_el, high_el = map(math.radians, answer.angles_deg)
-                self._state_capabilities(((low_az, low_el), (high_az, high_el)))
-        elif answer.kind == REFUSED:
+        elif answer.kind == protocols.LIMITS and answer.angles_deg:
+            low_az, high_az, low_el, high_el = map(math.radians, answer.angles_deg)
+            self._state_capabilities(((low_az, low_el), (high_az, high_el)))
+        elif answer.kind == protocols.REFUSED:
             self._refused = answer.text
             self.losses[f"refused ({answer.text})"] += 1
-        elif answer.kind == ALARM:
+        elif answer.kind == protocols.ALARM:
             self._alarm = answer.text
-        elif answer.kind == NOISE:
+        elif answer.kind == protocols.NOISE:
             self.losses["noise"] += 1
-        if answer.kind == REFUSED or (pending is not None and answer.kind == pending[0].answer):
+        if answer.kind == protocols.REFUSED or (
+            pending is not None and answer.kind == pending[0].answer
+        ):
             self._pending = None
 
     def _take_position(self, answer: Answer, t_s: float) -> None:
@@ -244,28 +215,20 @@ class PolledDrive(Drive):
             self.losses["late answer"] += 1
         first, second = (math.radians(angle) for angle in answer.angles_deg)
         before, self._known_s, self._asked_s = self._reading, t_s, math.inf
+        half_s = 0.5 * self._latency_s
         self._reading = DriveReading(
-            t_s=t_s + self._set_s - 0.5 * self._latency_s,
-            within_s=0.5 * self._latency_s,
-            position_rad=(first, second),
-            alarm=self._alarm,
-            status=self._refused,
-        )
+            t_s=t_s + self._set_s - half_s, within_s=half_s, position_rad=(first, second),
+            alarm=self._alarm, status=self._refused,
+        )  # fmt: skip
         # A position came after it: from now on it is an old answer.
         self._refused = ""
         self._kept.answers()
         self.problem = ""
         can, protocol = self.capabilities, self._protocol
-        if (protocol.resolution_deg, protocol.has_elevation) != (
-            self._resolution_deg,
-            can.has_elevation,
-        ):
-            self._state_capabilities(self.capabilities.travel_rad)
+        stated = self._resolution_deg, can.has_elevation
+        if (protocol.resolution_deg, protocol.has_elevation) != stated:
+            self._state_capabilities(can.travel_rad)
         if self._stopped and before is not None and t_s - self._stop_s > STOP_AGAIN_S:
-            steps = zip(
-                self._reading.position_rad,
-                before.position_rad,
-                self.capabilities.resolution_rad,
-                strict=True,
-            )
-            self._stop_due = any(abs(a - b) > SETTLED_STEPS * step for a, b, step in steps)
+            places = self._reading.position_rad, before.position_rad
+            rows = zip(*places, self.capabilities.resolution_rad, strict=True)
+            self._stop_due = any(abs(a - b) > SETTLED_STEPS * step for a, b, step in rows)

@@ -100,16 +100,16 @@ def _noise(text: bytes) -> Answer:
 LIMIT_NAMES = ("Minimum Azimuth", "Maximum Azimuth", "Minimum Elevation", "Maximum Elevation")
 """Names of the ends of the travel in rotctld's extended form."""
 RPRT_ERRORS = {
-    -1: "invalid parameter",
-    -2: "invalid configuration",
-    -4: "not implemented",
-    -5: "communication timed out",
-    -6: "input or output error",
-    -8: "protocol error",
-    -9: "rejected",
-    -11: "not available",
-}
+    -1: "invalid parameter", -2: "invalid configuration", -4: "not implemented",
+    -5: "communication timed out", -6: "input or output error", -8: "protocol error",
+    -9: "rejected", -11: "not available",
+}  # fmt: skip
 """Codes of rotctld and what they mean, for its client here and for its server."""
+
+
+def refusal(name: str, code: int) -> str:
+    """Return a refused request with its code and what that means."""
+    return f"{name}: RPRT {code} ({RPRT_ERRORS.get(code, 'unknown error')})"
 
 
 AZIMUTH = "azimuth"
@@ -131,14 +131,10 @@ class Dialect:
         return self.position.groups == 2
 
 
-def _dialect(model: str, form: bytes) -> Dialect:
+def _dialect(model: str, form: bytes, angle: bytes = _ANGLE) -> Dialect:
     # An azimuth alone must be the whole line: it may be the rest of a longer one.
-    return Dialect(
-        model,
-        re.compile(
-            (b".*" if form.count(b"%s") == 2 else b"") + form.replace(b"%s", _ANGLE), re.DOTALL
-        ),
-    )
+    begin = b".*" if form.count(b"%s") == 2 else b""
+    return Dialect(model, re.compile(begin + form.replace(b"%s", angle), re.DOTALL))
 
 
 class LineProtocol(DeviceProtocol):
@@ -169,9 +165,8 @@ class LineProtocol(DeviceProtocol):
                 if not (each.has_elevation or self._spoken or self._alone >= self.SURE):
                     return Answer(REFUSED, "an azimuth alone, which may be the rest of an answer")
                 self._spoken = each
-                return _position(
-                    float(found[1]), float(found[2]) if each.has_elevation else 0.0, line
-                )
+                elevation = float(found[2]) if each.has_elevation else 0.0
+                return _position(float(found[1]), elevation, line)
         return None
 
 
@@ -183,8 +178,7 @@ class HamlibProtocol(DeviceProtocol):
     ask = Request("get_pos", b"+p\n", POSITION)
     stop = Request("stop", b"+S\n", DONE)
     greeting = (Request("dump_state", b"+\\dump_state\n", LIMITS),)
-    _FIELD = re.compile(rb"(Azimuth|Elevation|Minimum Azimuth|Maximum Azimuth|Minimum Elevation|Maximum Elevation):"
-                        rb" (-?[0-9]+(?:\.[0-9]+)?)")  # fmt: skip
+    _FIELD = re.compile(rb"((?:Minimum |Maximum )?(?:Azimuth|Elevation)): (-?[0-9]+(?:\.[0-9]+)?)")
     _BEGIN = re.compile(rb"(get_pos|set_pos|stop|dump_state):(.*)")
 
     def __init__(self, model: str = "") -> None:
@@ -213,23 +207,15 @@ class HamlibProtocol(DeviceProtocol):
     def _end(self, code: int) -> Iterator[Answer]:
         block, fields, self._block, self._fields = self._block, self._fields, "", {}
         if code:
-            yield Answer(
-                REFUSED,
-                f"{block or 'request'}: RPRT {code} ({RPRT_ERRORS.get(code, 'unknown error')})",
-            )
+            yield Answer(REFUSED, refusal(block or "request", code))
         elif block == "get_pos":
             # A line that was lost leaves a position without one of its angles.
             whole = {"Azimuth", "Elevation"} <= set(fields)
-            yield (
-                _position(fields["Azimuth"], fields["Elevation"])
-                if whole
-                else Answer(NOISE, "get_pos in part")
-            )
+            part = Answer(NOISE, "get_pos in part")
+            yield _position(fields["Azimuth"], fields["Elevation"]) if whole else part
         elif block == "dump_state":
             whole = set(LIMIT_NAMES) <= set(fields)
-            yield Answer(
-                LIMITS, angles_deg=tuple(fields[name] for name in LIMIT_NAMES) if whole else ()
-            )
+            yield Answer(LIMITS, "", tuple(fields[name] for name in LIMIT_NAMES) if whole else ())
         else:
             yield Answer(DONE, block)
 
@@ -241,11 +227,10 @@ class Gs232Protocol(LineProtocol):
     stop = Request("S", b"S\r")
     dialects = (
         _dialect("b", rb"AZ\s*=\s*%s[\s,]*EL\s*=\s*%s"),
-        Dialect("a", re.compile(rb".*" + _SIGNED + rb"[\s,]*" + _SIGNED, re.DOTALL)),
+        _dialect("a", rb"%s[\s,]*%s", _SIGNED),
         _dialect("b_azimuth", rb"AZ\s*=\s*%s"),
-        Dialect("a_azimuth", re.compile(_SIGNED)),
+        _dialect("a_azimuth", rb"%s", _SIGNED),
     )
-
     _azimuth_alone = False
     """Whether C2 was refused, which boards without elevation do not know."""
 
@@ -324,26 +309,19 @@ class SpidProtocol(DeviceProtocol):
         self.baud = 1200 if model == "rot1" else 600
         self.resolution_deg = (1.0, 1.0) if model == "rot1" else (0.5, 0.5)
         self._answers_set = model == "md01"
-        self._pulses: tuple[int, int] | None = None
+        self._pulses: tuple[int, ...] = ()
 
     def go_to(self, azimuth_deg: float, elevation_deg: float) -> Request:
-        azimuth, elevation = azimuth_deg + 360.0, elevation_deg + 360.0
-        first, second, pulses, answer = f"{round(azimuth):03d}0".encode(), bytes(4), (0, 0), ""
+        angles = azimuth_deg + 360.0, elevation_deg + 360.0
+        texts, answer = [f"{round(angles[0]):03d}0".encode(), bytes(4)], ""
+        pulses: tuple[int, ...] = (0, 0)
         if self.has_elevation:
             answer = POSITION if self._answers_set else ""
-            pulses = self._pulses or (
-                round(1.0 / self.resolution_deg[0]),
-                round(1.0 / self.resolution_deg[1]),
-            )
-            first, second = (
-                f"{round(angle * each):04d}".encode()
-                for angle, each in zip((azimuth, elevation), pulses, strict=True)
-            )
-        return Request(
-            "set",
-            bytes([self.START, *first, pulses[0], *second, pulses[1], self.SET, self.END]),
-            answer,
-        )
+            pulses = self._pulses or tuple(round(1.0 / step) for step in self.resolution_deg)
+            counts = (round(angle * each) for angle, each in zip(angles, pulses, strict=True))
+            texts = [f"{count:04d}".encode() for count in counts]
+        middle = b"".join(text + bytes([each]) for text, each in zip(texts, pulses, strict=True))
+        return Request("set", bytes([self.START, *middle, self.SET, self.END]), answer)
 
     def take(self, buffer: bytearray) -> list[Answer]:
         found = []
@@ -365,20 +343,19 @@ class SpidProtocol(DeviceProtocol):
     def _packet(self, packet: bytes) -> Answer | None:
         if packet[0] != self.START or packet[-1] != self.END or len(packet) < 5:
             return None
-        digits = packet[1:4] if len(packet) == 5 else packet[1:5] + packet[6:10]
-        if any(digit > 9 for digit in digits):
+        short = len(packet) == 5
+        # A short answer has no tenths.
+        digits = packet[1:4] + bytes(5) if short else packet[1:5] + packet[6:10]
+        first, second = (1, 1) if short else (packet[5], packet[10])
+        if any(digit > 9 for digit in digits) or not {first, second} <= {*self.PULSES}:
             return None
-        if len(packet) == 5:
-            self.resolution_deg = (1.0, 1.0)
-            return _position(100.0 * digits[0] + 10.0 * digits[1] + digits[2] - 360.0, 0.0, packet)
-        if packet[5] not in self.PULSES or packet[10] not in self.PULSES:
-            return None
-        self._pulses = packet[5], packet[10]
-        self.resolution_deg = 1.0 / packet[5], 1.0 / packet[10]
+        self.resolution_deg = 1.0 / first, 1.0 / second
         azimuth, elevation = (
-            100.0 * digits[i] + 10.0 * digits[i + 1] + digits[i + 2] + 0.1 * digits[i + 3] - 360.0
-            for i in (0, 4)
+            100.0 * a + 10.0 * b + c + 0.1 * d - 360.0 for a, b, c, d in (digits[:4], digits[4:])
         )
+        if short:
+            return _position(azimuth, 0.0, packet)
+        self._pulses = first, second
         return _position(azimuth, elevation, packet)
 
 

@@ -47,24 +47,16 @@ def simulated(params: DriveParams) -> DriveParams:
     """Return the drive of a simulation of the antenna: no simulation connects to a device."""
     if params.type not in _protocols():
         return params if params.type == SIMULATED_ROTATOR else params.replace(type="simulated")
-    protocol = tuple(
-        math.radians(step) for step in _protocols()[params.type](params.model).resolution_deg
-    )
-    steps = tuple(
-        own or theirs for own, theirs in zip(params.rotator.resolution_rad, protocol, strict=True)
-    )
-    return params.replace(
-        type=SIMULATED_ROTATOR, rotator=params.rotator.replace(resolution_rad=steps)
-    )
+    protocol = map(math.radians, _protocols()[params.type](params.model).resolution_deg)
+    rows = zip(params.rotator.resolution_rad, protocol, strict=True)
+    rotator = params.rotator.replace(resolution_rad=tuple(own or theirs for own, theirs in rows))
+    return params.replace(type=SIMULATED_ROTATOR, rotator=rotator)
 
 
 def make_drive(params: DriveParams, start_rad: Pair = (0.0, 0.0)) -> Drive:
     """Return the drive of the parameters; a simulated one begins at `start_rad`.
 
-    Raises
-    ------
-    ValueError
-        For a type or model that does not exist, or what the factory of an entry point refuses.
+    ValueError for a type or model that does not exist, and what an entry point's factory refuses.
     """
     if params.type == SIMULATED_ROTATOR:
         from rf_pointing.drives.simulated_rotator import SimulatedRotator

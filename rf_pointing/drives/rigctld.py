@@ -13,19 +13,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import ClassVar
 
-from rf_pointing.drives.line_server import (
-    INVALID,
-    IO_ERROR,
-    NUMBER,
-    Fields,
-    Order,
-    ServedWords,
-    labelled,
-    shown,
-)
+from rf_pointing.drives import line_server as door
 from rf_pointing.drives.link import KeptLink
 from rf_pointing.drives.params import LinkParams
-from rf_pointing.drives.protocols import LONGEST_LINE, RPRT_ERRORS
+from rf_pointing.drives.protocols import LONGEST_LINE, refusal
 
 KEY_POLL_S = 0.05
 """A rig may be keyed at its microphone: its key is read so often."""
@@ -33,8 +24,6 @@ ASK_S = 1.0
 HIGHEST_HZ = 4e11
 FORGOTTEN = 0.995
 """Share of the largest step that is left after the next one."""
-_COMMANDS = {"T": "set_ptt", "t": "get_ptt", "F": "set_freq", "I": "set_split_freq", "S": "set_split_vfo",
-             "f": "get_freq"}  # fmt: skip
 RECEIVE, TRANSMIT = "F", "I"
 
 
@@ -77,7 +66,7 @@ class Rig:
     def key(self, on: bool, t_s: float, reply: Callable[[int], object] = int) -> None:
         """Key or unkey at once; `reply` takes the code of the rig."""
         if self._kept.link is None:
-            reply(IO_ERROR)
+            reply(door.IO_ERROR)
             return
         self._replies.append(reply)
         self._send(f"T {int(on)}", t_s)
@@ -98,12 +87,12 @@ class Rig:
         for line in lines:
             self._take(line.strip().decode("ascii", errors="replace"), t_s)
         if len(rest) > LONGEST_LINE or len(self._fields) > LONGEST_LINE:
-            self._lose(t_s, f"it answers without an end: {shown(rest.decode(errors='replace'))}")
-        elif self._pending and t_s - self._pending[0][1] > self._timing.lost_s:
             self._lose(
-                t_s,
-                f"no answer to {self._name(self._pending[0][0])} for {t_s - self._pending[0][1]:.1f} s",
+                t_s, f"it answers without an end: {door.shown(rest.decode(errors='replace'))}"
             )
+        elif self._pending and t_s - self._pending[0][1] > self._timing.lost_s:
+            sent, sent_s = self._pending[0]
+            self._lose(t_s, f"no answer to {_name(sent)} for {t_s - sent_s:.1f} s")
         elif not self._pending and (line_now := self._next(t_s)):
             self._send(line_now, t_s)
 
@@ -130,7 +119,7 @@ class Rig:
         self.keyed = None
         self.tuned_hz.clear()
         while self._replies:
-            self._replies.popleft()(IO_ERROR)
+            self._replies.popleft()(door.IO_ERROR)
 
     def _next(self, t_s: float) -> str:
         if self._queue:
@@ -167,18 +156,14 @@ class Rig:
             self._fields.append(line)
             return
         fields, self._fields = self._fields, []
-        if (
-            not self._pending
-            or not fields
-            or fields[0].partition(":")[0] != self._name(self._pending[0][0])
-        ):
+        name = fields[0].partition(":")[0] if fields else ""
+        if not self._pending or name != _name(self._pending[0][0]):
             self.losses["noise"] += 1
             return
-        sent, sent_s = self._pending.popleft()
-        code, name = int(end[1]), self._name(sent)
+        (sent, sent_s), code = self._pending.popleft(), int(end[1])
         self._kept.answers()
         if code:
-            self.refused[name] = f"{sent}: RPRT {code} ({RPRT_ERRORS.get(code, 'unknown error')})"
+            self.refused[name] = refusal(sent, code)
             self.losses[f"{name} refused"] += 1
         else:
             self.refused.pop(name, None)
@@ -196,10 +181,6 @@ class Rig:
         elif command == "t" and not code:
             self.keyed = fields[-1].rpartition(" ")[2] != "0"
 
-    @staticmethod
-    def _name(line: str) -> str:
-        return _COMMANDS[line[0]]
-
 
 @dataclass(slots=True)
 class RadioView:
@@ -211,7 +192,7 @@ class RadioView:
     keyed: bool = False
 
 
-class RigWords(ServedWords):
+class RigWords(door.ServedWords):
     """A rig for programs that ask for the frequencies, tune within the passband, or key."""
 
     title = "rigctld"
@@ -226,56 +207,48 @@ class RigWords(ServedWords):
     def __init__(self, view: RadioView) -> None:
         self.view = view
 
-    def judged(self, name: str, arguments: list[str]) -> tuple[int, str, tuple[float, ...]]:
+    def judged(self, name: str, arguments: list[str]) -> door.Judgement:
         if name not in self.of_station:
             return 0, "", ()
-        if not NUMBER.fullmatch(arguments[0]) or not 0.0 <= float(arguments[0]) <= HIGHEST_HZ:
+        (text,) = arguments
+        if not door.NUMBER.fullmatch(text) or not 0.0 <= float(text) <= HIGHEST_HZ:
             return (
-                INVALID,
-                f"{name} {shown(arguments[0])} must be a number from 0 to {HIGHEST_HZ:g}",
+                door.INVALID,
+                f"{name} {door.shown(text)} must be a number from 0 to {HIGHEST_HZ:g}",
                 (),
             )
-        return 0, "", (float(arguments[0]),)
+        return 0, "", (float(text),)
 
-    def fields(self, order: Order) -> Fields | None:
+    def fields(self, order: door.Order) -> door.Fields | None:
         view = self.view
-        dials = {
-            "get_freq": ("Frequency", view.receive_hz),
-            "get_split_freq": ("TX Frequency", view.transmit_hz),
-        }
-        if order.name in dials:
-            label, hertz = dials[order.name]
-            return None if hertz is None else labelled((label, f"{hertz:.0f}"))
-        if order.name == "dump_state":
-            return tuple((line, line) for line in _STATE)
-        known: dict[str, list[tuple[str, object]]] = {
-            "get_ptt": [("PTT", int(view.keyed))],
-            "get_info": [("Info", view.name)],
-            "get_powerstat": [("Power Status", 1)],
-            "chk_vfo": [("ChkVFO", 0)],
+
+        def dial(label: str, hertz: float | None) -> door.Fields | None:
+            return None if hertz is None else door.labelled((label, f"{hertz:.0f}"))
+
+        known: dict[str, door.Fields | None] = {
+            "get_freq": dial("Frequency", view.receive_hz),
+            "get_split_freq": dial("TX Frequency", view.transmit_hz),
+            "get_ptt": door.labelled(("PTT", int(view.keyed))),
+            "get_info": door.labelled(("Info", view.name)),
+            "get_powerstat": door.labelled(("Power Status", 1)),
+            "chk_vfo": door.labelled(("ChkVFO", 0)),
             # The two VFOs are what they are: receive and transmit.
-            "get_vfo": [("VFO", "VFOA")],
-            "get_split_vfo": [("Split", 1), ("TX VFO", "VFOB")],
+            "get_vfo": door.labelled(("VFO", "VFOA")),
+            "get_split_vfo": door.labelled(("Split", 1), ("TX VFO", "VFOB")),
+            "dump_state": tuple((line, line) for line in _STATE),
         }
-        return labelled(*known.get(order.name, []))
+        return known.get(order.name, ())
+
+
+def _name(line: str) -> str:
+    """Return the name of the command of a line."""
+    return RigWords.letters[line[0]][0]
 
 
 # Version 0 of Hamlib's form: model and region, ranges of receiver and transmitter, steps, filters,
 # RIT, XIT, IF shift, announces, preamplifiers, attenuators, functions, levels and parameters.
 _RANGE, _END = f"0.000000 {HIGHEST_HZ:.6f} 0x1ff -1 -1 0x3 0x1", "0 0 0 0 0 0 0"
 _STATE = (
-    "0",
-    "2",
-    "0",
-    _RANGE,
-    _END,
-    _RANGE,
-    _END,
-    "0x1ff 1",
-    "0 0",
-    "0 0",
-    *["0"] * 4,
-    "",
-    "",
+    "0", "2", "0", _RANGE, _END, _RANGE, _END, "0x1ff 1", "0 0", "0 0", *["0"] * 4, "", "",
     *["0x0"] * 6,
-)
+)  # fmt: skip

@@ -18,6 +18,7 @@ nearest to the angle before.  The first turn comes from outside.
 import math
 from collections import deque
 from dataclasses import dataclass, field
+from operator import add, sub
 
 from rf_pointing.core import Motion, nearest_turn_rad
 from rf_pointing.core.types import TURN, Pair
@@ -45,16 +46,15 @@ class MoveCounts:
     reversals: list[int] = field(default_factory=lambda: [0, 0])
 
 
+@dataclass(slots=True)
 class _Axis:
     """One axis: its set point, when it was sent, and in which direction it moves."""
 
-    sent_s: float
-
-    def __init__(self) -> None:
-        self.sent: float | None = None
-        self.direction = 0.0
-        self.timing: tuple[float, float, float] | None = None
-        self.back_since_s: float | None = None
+    sent: float | None = None
+    sent_s: float = -math.inf
+    direction: float = 0.0
+    timing: tuple[float, float, float] | None = None
+    back_since_s: float | None = None
 
 
 class Rotator:
@@ -82,7 +82,7 @@ class Rotator:
         self._history.clear()
         for axis in self._axes:
             axis.timing = axis.back_since_s = None
-            axis.sent_s = axis.sent_s + by_s if axis.sent is not None else -math.inf
+            axis.sent_s += by_s
         self.drive.clock_stepped(by_s)
 
     def step(self, t_s: float) -> bool:
@@ -100,17 +100,12 @@ class Rotator:
     def place(self, azimuth_rad: float) -> None:
         """Take the turn of the azimuth from outside: the one nearest to `azimuth_rad`."""
         if self.drive.capabilities.one_turn:
-            self.position_rad = (
-                nearest_turn_rad(self.position_rad[0], azimuth_rad),
-                self.position_rad[1],
-            )
+            here, elevation = self.position_rad
+            self.position_rad = nearest_turn_rad(here, azimuth_rad), elevation
             self._history.clear()
 
     def _take(self, reading: DriveReading, first: bool) -> None:
-        azimuth, elevation = (
-            angle + zero
-            for angle, zero in zip(reading.position_rad, self.params.zero_rad, strict=True)
-        )
+        azimuth, elevation = map(add, reading.position_rad, self.params.zero_rad)
         if self.drive.capabilities.one_turn and not first:
             azimuth = nearest_turn_rad(azimuth, self.position_rad[0])
         if not self.drive.capabilities.has_elevation:
@@ -148,7 +143,8 @@ class Rotator:
         """Move the latency into what the first reading of a motion from rest leaves open."""
         if len(self._history) < 2:
             return
-        for axis, step, speed in zip((0, 1), self._steps, self.params.rate_rad_s, strict=True):
+        steps = self.drive.capabilities.resolution_rad
+        for axis, step, speed in zip((0, 1), steps, self.params.rate_rad_s, strict=True):
             each, rounding_s = self._axes[axis], 0.5 * step / speed
             if each.timing is None:
                 continue
@@ -170,9 +166,8 @@ class Rotator:
         if self.reading is None:
             return self.position_rad
         moved = []
-        for axis, here, speed in zip(
-            self._axes, self.position_rad, self.params.rate_rad_s, strict=True
-        ):
+        rows = zip(self._axes, self.position_rad, self.params.rate_rad_s, strict=True)
+        for axis, here, speed in rows:
             if axis.sent is None:
                 moved.append(here)
                 continue
@@ -185,17 +180,10 @@ class Rotator:
     # What the device gets
 
     @property
-    def _steps(self) -> Pair:
-        first, second = self.drive.capabilities.resolution_rad
-        return first, second
-
-    @property
     def smallest_rad(self) -> Pair:
         """Smallest moves that are commanded."""
-        rows = zip(
-            self.params.minimum_move_rad, self._steps, self.params.dead_band_rad, strict=True
-        )
-        first, second = (max(move, step, dead) for move, step, dead in rows)
+        steps, params = self.drive.capabilities.resolution_rad, self.params
+        first, second = map(max, params.minimum_move_rad, steps, params.dead_band_rad)
         return first, second
 
     @property
@@ -217,12 +205,11 @@ class Rotator:
         # What is sent now blocks the other axis for an interval: it goes along if its turn comes
         # in the first half of it.
         early_s = 0.5 * self.params.minimum_interval_s
-        target = [
-            each if each is not None else self._wanted(axis, t_s, motion, goal, early_s)
-            for axis, each in enumerate(wanted)
-        ]
+        for axis in (0, 1):
+            if wanted[axis] is None:
+                wanted[axis] = self._wanted(axis, t_s, motion, goal, early_s)
         azimuth, elevation = (
-            self._kept(axis) if each is None else each for axis, each in enumerate(target)
+            self._kept(axis) if each is None else each for axis, each in enumerate(wanted)
         )
         self._send(t_s, (azimuth, elevation))
 
@@ -250,7 +237,8 @@ class Rotator:
 
         `early_s` before its time it is given up already.
         """
-        state, step, smallest = self._axes[axis], self._steps[axis], self.smallest_rad[axis]
+        state, smallest = self._axes[axis], self.smallest_rad[axis]
+        step = self.drive.capabilities.resolution_rad[axis]
         rate, speed = float(motion.velocity[axis]), self.params.rate_rad_s[axis]
         share = min(abs(rate) / speed, 1.0)
         interval_s = self.params.minimum_interval_s
@@ -264,21 +252,13 @@ class Rotator:
         # Where the interval decides, neither the rounding of a set point nor an early tick
         # may cost another tick.
         fast = max(0.0, abs(rate) * interval_s - smallest)
-        enough = (
-            half - abs(rate) * (early_s + JITTER_S) - 0.5 * min(step, fast)
-            if rate != 0.0
-            else smallest
-        )
+        early = half - abs(rate) * (early_s + JITTER_S) - 0.5 * min(step, fast)
+        enough = early if rate != 0.0 else smallest
         back, slow = state.direction * off < 0.0, abs(rate) * interval_s < SLOW_SHARE * smallest
-        if back and motion is goal:
-            # A stop ends ahead of where it was commanded, not with a way back.
-            return None
-        if (
-            back
-            and rate * state.direction > 0.0
-            and abs(off) <= half + abs(rate) * spare_s + smallest
-        ):
-            # The set point is ahead, as it was meant to be.
+        ahead = rate * state.direction > 0.0 and abs(off) <= half + abs(rate) * spare_s + smallest
+        if back and (motion is goal or ahead):
+            # A stop ends ahead of where it was commanded, not with a way back; and a set point
+            # that is ahead was meant to be.
             return None
         if back:
             enough = half + self.params.dead_band_rad[axis]
@@ -297,18 +277,14 @@ class Rotator:
         # Towards a target that comes back there is nothing to be gained by going further.
         wanted = at + math.copysign(half, rate) + rate * spare_s if rate * off > 0.0 else at
         # By the goal's own rate: a chase is faster, and half a step of it would lead past the goal.
-        own = float(goal.velocity[axis])
-        end = _ahead(goal, axis, lead_s) + math.copysign(
-            0.5 * max(smallest, abs(own) * interval_s), own
-        ) * (own != 0.0)
+        own, end = float(goal.velocity[axis]), _ahead(goal, axis, lead_s)
+        if own != 0.0:
+            end += math.copysign(0.5 * max(smallest, abs(own) * interval_s), own)
         # Beyond the goal the device would only come back.
-        wanted = (
-            min(wanted, max(end, at))
-            if rate > 0.0
-            else max(wanted, min(end, at))
-            if rate < 0.0
-            else wanted
-        )
+        if rate > 0.0:
+            wanted = min(wanted, max(end, at))
+        elif rate < 0.0:
+            wanted = max(wanted, min(end, at))
         low, high = self.params.travel_min_rad[axis], self.params.travel_max_rad[axis]
         zero = self.params.zero_rad[axis]
         wanted = min(max(round((wanted - zero) / step) * step + zero, low), high)
@@ -328,15 +304,14 @@ class Rotator:
             # Measured are moves of a device that had come to rest at its last set point.
             shown = self.position_rad[index]
             rests = len(self._history) > 1 and abs(self._history[-2][1][index] - shown) < SAME_RAD
-            arrived = axis.sent is None or abs(shown - axis.sent) < 0.51 * self._steps[index]
+            step = self.drive.capabilities.resolution_rad[index]
+            arrived = axis.sent is None or abs(shown - axis.sent) < 0.51 * step
             if axis.timing is None and rests and arrived:
                 axis.timing = t_s, shown, new
             axis.sent, axis.sent_s, axis.direction = new, t_s, direction
         self._sent_s = t_s
         self.counts.commands += 1
-        azimuth, elevation = (
-            angle - zero for angle, zero in zip(target, self.params.zero_rad, strict=True)
-        )
+        azimuth, elevation = map(sub, target, self.params.zero_rad)
         if self.params.takes_one_turn:
             azimuth %= TURN
         self.drive.go_to((azimuth, elevation))

@@ -13,16 +13,7 @@ from dataclasses import dataclass
 from typing import ClassVar, Self
 
 from rf_pointing.core.types import Pair
-from rf_pointing.drives.line_server import (
-    INVALID,
-    NOT_IMPLEMENTED,
-    NUMBER,
-    Fields,
-    Order,
-    ServedWords,
-    labelled,
-    shown,
-)
+from rf_pointing.drives import line_server as door
 from rf_pointing.drives.protocols import LIMIT_NAMES
 
 # The direction counts: the station chooses the turn and the side of the dish.
@@ -61,20 +52,6 @@ class Habit:
         return azimuth_deg, elevation_deg
 
 
-def _angles(arguments: list[str]) -> tuple[str, tuple[float, ...]]:
-    """Return why the arguments are not a direction ("" if they are one), and the angles in deg."""
-    values = []
-    bounds = (("azimuth", AZIMUTH_DEG), ("elevation", ELEVATION_DEG))
-    for text, (name, (low, high)) in zip(arguments, bounds, strict=True):
-        if not NUMBER.fullmatch(text):
-            return f"{name} {shown(text)} is not a number", ()
-        value = float(text)
-        if not low <= value <= high:
-            return f"{name} {shown(text)} must be {low:g} to {high:g} deg", ()
-        values.append(value)
-    return "", tuple(values)
-
-
 @dataclass(slots=True)
 class StationView:
     """Values that clients may read; the station replaces the values as it learns them.
@@ -90,18 +67,18 @@ class StationView:
     reason: str = ""
     """Why the newest order was refused; `get_info` tells it to clients of the plain form too."""
 
-    def fields(self, name: str, habit: Habit) -> Fields | None:
+    def fields(self, name: str, habit: Habit) -> door.Fields | None:
         """Return the lines of an answer, extended and plain; None where it is not known yet."""
         if name == "get_pos":
             if self.position_deg is None:
                 return None
             azimuth, elevation = habit.shown_deg(*self.position_deg)
-            return labelled(("Azimuth", f"{azimuth:.2f}"), ("Elevation", f"{elevation:.2f}"))
+            return door.labelled(("Azimuth", f"{azimuth:.2f}"), ("Elevation", f"{elevation:.2f}"))
         if name == "get_info":
             refused = f"; refused: {self.reason}" if self.reason else ""
-            return labelled(("Info", f"{self.name}{refused}"))
+            return door.labelled(("Info", f"{self.name}{refused}"))
         if name == "get_status":
-            return labelled(("Status flags", self._flags()))
+            return door.labelled(("Status flags", self._flags()))
         return tuple((line, line) for line in self._caps()) if name == "dump_caps" else _STATE
 
     def _flags(self) -> str:
@@ -124,16 +101,13 @@ class StationView:
 _KEYS = ("min_az", "max_az", "min_el", "max_el")
 _LIMITS = zip(LIMIT_NAMES, _KEYS, (*AZIMUTH_DEG, *ELEVATION_DEG), strict=True)
 _STATE = (
-    ("rotctld Protocol Ver: 1", "1"),
-    (f"Rotor Model: {MODEL}", f"{MODEL}"),
+    ("rotctld Protocol Ver: 1", "1"), (f"Rotor Model: {MODEL}", f"{MODEL}"),
     *((f"{name}: {value:.6f}", f"{key}={value:.6f}") for name, key, value in _LIMITS),
-    ("South Zero: 0", "south_zero=0"),
-    ("rot_type=AzEl", "rot_type=AzEl"),
-    ("done", "done"),
-)
+    ("South Zero: 0", "south_zero=0"), ("rot_type=AzEl", "rot_type=AzEl"), ("done", "done"),
+)  # fmt: skip
 
 
-class RotatorWords(ServedWords):
+class RotatorWords(door.ServedWords):
     """A rotator for one client; `host` is the habit of the clients before it."""
 
     title = "rotctld"
@@ -153,20 +127,31 @@ class RotatorWords(ServedWords):
     def client(self) -> Self:
         return type(self)(self.view, self._host)
 
-    def judged(self, name: str, arguments: list[str]) -> tuple[int, str, tuple[float, ...]]:
+    def judged(self, name: str, arguments: list[str]) -> door.Judgement:
         if name in ("move", "reset"):
-            return NOT_IMPLEMENTED, f"{name} is not offered", ()
-        reason, values = _angles(arguments) if name == "set_pos" else ("", ())
-        return INVALID if reason else 0, reason, values
+            return door.NOT_IMPLEMENTED, f"{name} is not offered", ()
+        if name != "set_pos":
+            return 0, "", ()
+        bounds = (("azimuth", AZIMUTH_DEG), ("elevation", ELEVATION_DEG))
+        for text, (axis, (low, high)) in zip(arguments, bounds, strict=True):
+            if not door.NUMBER.fullmatch(text):
+                return door.INVALID, f"{axis} {door.shown(text)} is not a number", ()
+            if not low <= float(text) <= high:
+                return (
+                    door.INVALID,
+                    f"{axis} {door.shown(text)} must be {low:g} to {high:g} deg",
+                    (),
+                )
+        return 0, "", tuple(map(float, arguments))
 
-    def fields(self, order: Order) -> Fields | None:
+    def fields(self, order: door.Order) -> door.Fields | None:
         return self.view.fields(order.name, self._habit)
 
     @property
     def reason(self) -> str:
         return self.view.reason
 
-    def obeyed(self, order: Order) -> None:
+    def obeyed(self, order: door.Order) -> None:
         if order.name == "set_pos":
             self._habit.take(order.values[0], order.values[1])
             self._host.negative, self._host.over = self._habit.negative, self._habit.over

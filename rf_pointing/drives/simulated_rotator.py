@@ -5,9 +5,10 @@
 
 import math
 from collections import Counter, deque
+from operator import sub
 
 from rf_pointing.core.types import Pair
-from rf_pointing.drives.drive import POSITION, Capabilities, Drive, DriveReading
+from rf_pointing.drives.drive import Drive, DriveReading
 from rf_pointing.drives.params import DriveParams, RotatorParams
 
 
@@ -60,12 +61,9 @@ class RotatorModel:
         return first, second
 
     def _aim(self, axis: int, goal: float) -> None:
-        step = self.resolution_rad[axis]
-        params, zero = self.params, self.params.zero_rad[axis]
-        goal = min(
-            max(round(goal / step) * step, params.travel_min_rad[axis] - zero),
-            params.travel_max_rad[axis] - zero,
-        )
+        params, step, zero = self.params, self.resolution_rad[axis], self.params.zero_rad[axis]
+        goal = max(round(goal / step) * step, params.travel_min_rad[axis] - zero)
+        goal = min(goal, params.travel_max_rad[axis] - zero)
         away = goal - self.position_rad[axis]
         if abs(away) <= self.params.dead_band_rad[axis]:
             self._goal[axis] = None
@@ -93,20 +91,10 @@ class SimulatedRotator(Drive):
     """A rotator that needs no device; it is read once a poll period."""
 
     def __init__(self, params: DriveParams, position_rad: Pair) -> None:
-        rotator = params.rotator
-        first, second = (step or math.radians(1.0) for step in rotator.resolution_rad)
-        azimuth, elevation = (
-            angle - zero for angle, zero in zip(position_rad, rotator.zero_rad, strict=True)
-        )
-        self.model = RotatorModel(rotator, (first, second), (azimuth, elevation))
-        self.capabilities = Capabilities(
-            set_points=POSITION,
-            resolution_rad=(first, second),
-            rate_rad_s=rotator.rate_rad_s,
-            period_s=params.link.poll_period_s,
-            latency_s=rotator.latency_s,
-            one_turn=rotator.reads_one_turn,
-        )
+        azimuth, elevation = map(sub, position_rad, params.rotator.zero_rad)
+        self.capabilities = params.capabilities((1.0, 1.0))
+        steps_rad = self.capabilities.resolution_rad
+        self.model = RotatorModel(params.rotator, steps_rad, (azimuth, elevation))
         self.losses: Counter[str] = Counter()
         self._t_s = 0.0
         self._reading: DriveReading | None = None

@@ -11,7 +11,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -113,17 +113,12 @@ class CatalogueSearch:
 
 
 def find_catalogue_passes(
-    elements: Sequence[Elements],
-    site: Site,
-    start_t_s: float,
-    duration_s: float,
-    min_elevation_rad: float | Horizon,
-    *,
+    elements: Sequence[Elements], site: Site, start_t_s: float, duration_s: float,
+    min_elevation_rad: float | Horizon, *,
     refraction: RadioRefraction | Literal["standard"] | None = "standard",
-    light_time: str = "receive",
-    max_age_s: float = 14.0 * DAY_S,
+    light_time: str = "receive", max_age_s: float = 14.0 * DAY_S,
     orientation: EarthOrientationSource | None = None,
-) -> CatalogueSearch:
+) -> CatalogueSearch:  # fmt: skip
     """Return the passes of all `elements` above an elevation or a horizon (apparent) in a time.
 
     Options are as for `TopocentricTrack`.  Objects that are too old are listed, and those that
@@ -138,15 +133,15 @@ def find_catalogue_passes(
     # The grid knows true elevations: the mask goes through the refraction once, not every sample.
     sine = math.sin(float(air.remove(flat_rad)) if air else flat_rad)
     source: EarthOrientationSource = orientation or IersEarthOrientation()
+    options: dict[str, Any] = {"refraction": air, "light_time": light_time, "max_age_s": max_age_s}
+    options["orientation"] = source
     passes: list[CataloguePass] = []
     usable, unsearched = _usable(elements, start_t_s, duration_s, max_age_s)
     for chunk, step_s in _chunks(usable, duration_s):
         enu_m, codes = _sampled(chunk, site, start_t_s, duration_s, step_s, SENSES[light_time], source)
         for one in (e for e, code in zip(chunk, codes, strict=True) if code):
             try:
-                track = TopocentricTrack(
-                    one, site, refraction=air, light_time=light_time, max_age_s=max_age_s, orientation=source
-                )
+                track = TopocentricTrack(one, site, **options)
                 windows = find_passes(track, start_t_s, duration_s, min_elevation_rad)
                 passes += [CataloguePass.of_window(one, track, window) for window in windows]
                 unsearched.append((one, part_searched(track, start_t_s, duration_s)))
@@ -194,10 +189,9 @@ def _clearance(motion: SkyMotion, air: RadioRefraction | None, horizon: Horizon,
 def _refuse_leap_second(start_t_s: float, duration_s: float) -> None:
     ends = (start_t_s - 2.0 * DAY_S, start_t_s + duration_s + 2.0 * DAY_S)
     if leap_seconds().tai_minus_utc_s(ends[0]) != leap_seconds().tai_minus_utc_s(ends[1]):
-        raise ValueError(
-            f"start_t_s={start_t_s}: a leap second lies within 2 days of the interval from {utc_text(start_t_s)}, "
-            "where the even grid of the catalogue search breaks; use find_passes"
-        )
+        near = f"a leap second lies within 2 days of the interval from {utc_text(start_t_s)}"
+        breaks = "where the even grid of the catalogue search breaks; use find_passes"
+        raise ValueError(f"start_t_s={start_t_s}: {near}, {breaks}")
 
 
 def _usable(
@@ -233,14 +227,9 @@ def _chunks(elements: list[Elements], duration_s: float) -> Iterator[tuple[list[
 
 
 def _sampled(
-    elements: list[Elements],
-    site: Site,
-    start_t_s: float,
-    duration_s: float,
-    step_s: float,
-    sense: float,
-    orientation: EarthOrientationSource,
-) -> tuple[Array, NDArray[np.uint8]]:
+    elements: list[Elements], site: Site, start_t_s: float, duration_s: float, step_s: float,
+    sense: float, orientation: EarthOrientationSource,
+) -> tuple[Array, NDArray[np.uint8]]:  # fmt: skip
     """Return positions (objects, times, 3) east-north-up and the SGP4 error codes, 0 for none.
 
     The times reach as far beyond the search as a polynomial leans on them.

@@ -10,6 +10,7 @@ longitude are those of `PLANETS`.
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import erfa
@@ -40,23 +41,16 @@ class CelestialTarget:
     spans_t_s = ((-math.inf, math.inf),)
 
     def __init__(
-        self,
-        name: str,
-        position: Callable[[Any], Vector],
-        *,
-        unit_m: float,
-        at_infinity: bool,
-        orientation: EarthOrientationSource | None,
-    ) -> None:
-        self.name = name
-        self.at_infinity = at_infinity
-        self._position = position
-        self._unit_m = unit_m
+        self, name: str, position: Callable[[Any], Any], *, unit_m: float = _AU_M,
+        at_infinity: bool = False, orientation: EarthOrientationSource | None = None,
+    ) -> None:  # fmt: skip
+        self.name, self.at_infinity = name, at_infinity
+        self._position, self._unit_m = position, unit_m
         self.orientation: EarthOrientationSource = orientation or IersEarthOrientation()
 
     def motion_at(self, t_s: Any, ahead_s: float = 0.0) -> StateVector:
         """Return the inertial motion [m] in Earth-fixed axes at UTC times."""
-        positions = [self._position(t_s + ahead_s + k * _STEP_S) for k in OFFSETS]
+        positions = [_components(self._position(t_s + ahead_s + k * _STEP_S)) for k in OFFSETS]
         return earth_fixed_from_gcrs(motion_from_positions(positions, _STEP_S, self._unit_m), t_s, self.orientation)
 
     def warnings(self, t_s: float) -> tuple[str, ...]:
@@ -64,30 +58,33 @@ class CelestialTarget:
         return self.orientation.warnings(t_s)
 
 
+def _sun_at(t_s: Any) -> Any:
+    return -erfa.epv00(*tt_parts(t_s))[0]["p"]
+
+
+def _moon_at(t_s: Any) -> Any:
+    return erfa.moon98(*tt_parts(t_s))["p"]
+
+
+def _planet_at(number: int, t_s: Any) -> Any:
+    return erfa.plan94(*tt_parts(t_s), number)["p"] + _sun_at(t_s)
+
+
 def sun(orientation: EarthOrientationSource | None = None) -> CelestialTarget:
     """Return the centre of the Sun."""
-
-    def position(t_s: Any) -> Vector:
-        heliocentric, _ = erfa.epv00(*tt_parts(t_s))
-        return _components(-heliocentric["p"])
-
-    return CelestialTarget("Sun", position, unit_m=_AU_M, at_infinity=False, orientation=orientation)
+    return CelestialTarget("Sun", _sun_at, orientation=orientation)
 
 
 def moon(orientation: EarthOrientationSource | None = None) -> CelestialTarget:
     """Return the centre of the Moon."""
-
-    def position(t_s: Any) -> Vector:
-        return _components(erfa.moon98(*tt_parts(t_s))["p"])
-
-    return CelestialTarget("Moon", position, unit_m=_AU_M, at_infinity=False, orientation=orientation)
+    return CelestialTarget("Moon", _moon_at, orientation=orientation)
 
 
 def moon_phase_rad(t_s: float) -> float:
     """Return the Moon's ecliptic longitude off that opposite to the Sun: 0 at full, then > 0."""
-    sun_at, moon_at = -erfa.epv00(*tt_parts(t_s))[0]["p"], erfa.moon98(*tt_parts(t_s))["p"]
     cosine, sine = math.cos(_OBLIQUITY_RAD), math.sin(_OBLIQUITY_RAD)
-    longitudes = [math.atan2(cosine * y + sine * z, x) for x, y, z in (sun_at, moon_at)]
+    places = _sun_at(t_s), _moon_at(t_s)
+    longitudes = [math.atan2(cosine * y + sine * z, x) for x, y, z in places]
     return math.remainder(longitudes[1] - longitudes[0] - math.pi, math.tau)
 
 
@@ -101,12 +98,7 @@ PLANETS = {
 def planet(name: str, orientation: EarthOrientationSource | None = None) -> CelestialTarget:
     """Return the centre of a planet of `PLANETS`, good to the error given there."""
     number = list(PLANETS).index(name) + 1
-
-    def position(t_s: Any) -> Vector:
-        heliocentric, _ = erfa.epv00(*tt_parts(t_s))
-        return _components(erfa.plan94(*tt_parts(t_s), number)["p"] - heliocentric["p"])
-
-    return CelestialTarget(name, position, unit_m=_AU_M, at_infinity=False, orientation=orientation)
+    return CelestialTarget(name, partial(_planet_at, number), orientation=orientation)
 
 
 @dataclass(frozen=True)
@@ -135,7 +127,7 @@ class RadioSource:
         motion = self.motion_east_rad_year * east
         motion = motion + self.motion_north_rad_year * np.cross(place, east)
 
-        def direction(t_s: Any) -> Vector:
+        def direction(t_s: Any) -> Any:
             # On a straight line in space, as long as the motion is small against a radian.
             years = (np.asarray(t_s) - J2000_S) / JULIAN_YEAR_S - (self.epoch_year - 2000.0)
             moved = place + years[..., None] * motion
@@ -147,7 +139,7 @@ class RadioSource:
             velocity = barycentric["v"] * _AU_DAY_IN_C
             # SOFA's ab wants the reciprocal of the Lorentz factor.
             inverse_lorentz = np.sqrt(1.0 - np.sum(velocity**2, axis=-1))
-            return _components(erfa.ab(deflected, velocity, distance_au, inverse_lorentz))
+            return erfa.ab(deflected, velocity, distance_au, inverse_lorentz)
 
         return CelestialTarget(self.name, direction, unit_m=_LIGHT_YEAR_M, at_infinity=True, orientation=orientation)
 
@@ -161,19 +153,17 @@ def _source(name: str, hours: tuple[int, int, float], degrees: tuple[int, int, f
 
 # Strong sources used to calibrate antennas; places from the NASA/IPAC Extragalactic Database and
 # SIMBAD, ICRS.
-RADIO_SOURCES = {
-    source.name: source
-    for source in (
-        _source("Cassiopeia A", (23, 23, 24.0), (58, 48, 54.0)),
-        _source("Cygnus A", (19, 59, 28.357), (40, 44, 2.10)),
-        _source("Taurus A", (5, 34, 31.94), (22, 0, 52.2)),
-        _source("Virgo A", (12, 30, 49.423), (12, 23, 28.04)),
-        _source("Orion A", (5, 35, 17.3), (-5, 23, 28.0)),
-        _source("3C 84", (3, 19, 48.160), (41, 30, 42.11)),
-        _source("3C 273", (12, 29, 6.700), (2, 3, 8.60)),
-        _source("3C 286", (13, 31, 8.288), (30, 30, 32.96)),
-    )
+_PLACES = {
+    "Cassiopeia A": ((23, 23, 24.0), (58, 48, 54.0)),
+    "Cygnus A": ((19, 59, 28.357), (40, 44, 2.10)),
+    "Taurus A": ((5, 34, 31.94), (22, 0, 52.2)),
+    "Virgo A": ((12, 30, 49.423), (12, 23, 28.04)),
+    "Orion A": ((5, 35, 17.3), (-5, 23, 28.0)),
+    "3C 84": ((3, 19, 48.160), (41, 30, 42.11)),
+    "3C 273": ((12, 29, 6.700), (2, 3, 8.60)),
+    "3C 286": ((13, 31, 8.288), (30, 30, 32.96)),
 }
+RADIO_SOURCES = {name: _source(name, *place) for name, place in _PLACES.items()}
 
 
 def radio_source(name: str, orientation: EarthOrientationSource | None = None) -> CelestialTarget:
@@ -185,30 +175,23 @@ def radio_source(name: str, orientation: EarthOrientationSource | None = None) -
 def own_place(text: str) -> RadioSource:
     """Return the place of `radec RA DEC [EAST NORTH EPOCH]`: deg, mas a year, Julian year.
 
-    Raises
-    ------
-    ValueError
-        Another number of words, and what is not a number or outside of its range.
+    ValueError for another number of words, and for one that is not a number or outside its range.
     """
     words = text.split()[1:]
     if len(words) not in (2, 5):
         form = f"{OWN_PLACE} RA DEC [EAST NORTH EPOCH]"
         raise ValueError(f"satellite={text!r} must be {form} in deg, mas/year, year")
-    numbers = [as_number(word, text) for word in words] + [0.0, 0.0, 2000.0][len(words) - 2 :]
-    right, up, east, north, epoch = numbers
+    numbers = []
+    for word in words:
+        try:
+            numbers.append(float(word))
+        except ValueError:
+            numbers.append(math.nan)
+        if not math.isfinite(numbers[-1]):
+            raise ValueError(f"satellite={text!r}: {word!r} must be a number")
+    right, up, east, north, epoch = [*numbers, 0.0, 0.0, 2000.0][:5]
     mas = math.radians(1.0 / 3.6e6)
     return RadioSource(text, math.radians(right), math.radians(up), east * mas, north * mas, epoch)
-
-
-def as_number(word: str, text: str) -> float:
-    """Return a finite number of a text; ValueError names both."""
-    try:
-        value = float(word)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise ValueError(f"satellite={text!r}: {word!r} must be a number")
-    return value
 
 
 def _components(vectors: Any) -> Vector:

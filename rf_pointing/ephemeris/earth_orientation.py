@@ -227,7 +227,6 @@ def _require_known(t_s: float) -> None:
     first_s, last_s = orientation_table().span_t_s
     latest_s = last_s + _LATEST_DAYS * DAY_S
     if not first_s <= t_s < latest_s:
-        raise ValueError(
-            f"t_s={t_s} must be in [{first_s}, {latest_s}): Earth orientation is tabulated to {utc_text(last_s)[:10]} "
-            "and extended by 20 years; renew astropy-iers-data"
-        )
+        known = f"Earth orientation is tabulated to {utc_text(last_s)[:10]} and extended by 20 years"
+        bounds = f"[{first_s}, {latest_s}): {known}; renew astropy-iers-data"
+        raise ValueError(f"t_s={t_s} must be in {bounds}")

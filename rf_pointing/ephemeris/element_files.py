@@ -55,9 +55,8 @@ def element_files(location: str) -> list[Path]:
     if path.is_dir():
         found = sorted(p for p in path.iterdir() if p.is_file() and p.name[0] != "." and p.suffix.lower() in SUFFIXES)
         if not found:
-            raise ValueError(
-                f"elements={location!r} is a folder without elements: no file ends in {', '.join(SUFFIXES)}"
-            )
+            none = f"no file ends in {', '.join(SUFFIXES)}"
+            raise ValueError(f"elements={location!r} is a folder without elements: {none}")
         return found
     if not path.is_file():
         raise ValueError(f"elements={location!r} does not exist")

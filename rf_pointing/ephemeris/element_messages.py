@@ -29,23 +29,14 @@ Fields = Mapping[str, Any]
 
 # What SGP4 needs; a message that leaves one out means the same (CelesTrak's JSON and CSV do).
 _MUST_BE = {
-    "CENTER_NAME": ("EARTH",),
-    "REF_FRAME": ("TEME",),
-    "TIME_SYSTEM": ("UTC",),
-    "MEAN_ELEMENT_THEORY": ("SGP4", "SGP/SGP4", "SGP"),
-    "EPHEMERIS_TYPE": ("0", "2", ""),
-}
+    "CENTER_NAME": ("EARTH",), "REF_FRAME": ("TEME",), "TIME_SYSTEM": ("UTC",),
+    "MEAN_ELEMENT_THEORY": ("SGP4", "SGP/SGP4", "SGP"), "EPHEMERIS_TYPE": ("0", "2", ""),
+}  # fmt: skip
+_ANGLES = ("INCLINATION", "RA_OF_ASC_NODE", "ARG_OF_PERICENTER", "MEAN_ANOMALY")
 _UNITS = {
-    "MEAN_MOTION": "rev/day",
-    "SEMI_MAJOR_AXIS": "km",
-    "INCLINATION": "deg",
-    "RA_OF_ASC_NODE": "deg",
-    "ARG_OF_PERICENTER": "deg",
-    "MEAN_ANOMALY": "deg",
-    "BSTAR": "1/ER",
-    "MEAN_MOTION_DOT": "rev/day**2",
-    "MEAN_MOTION_DDOT": "rev/day**3",
-}
+    **dict.fromkeys(_ANGLES, "deg"), "MEAN_MOTION": "rev/day", "SEMI_MAJOR_AXIS": "km",
+    "BSTAR": "1/ER", "MEAN_MOTION_DOT": "rev/day**2", "MEAN_MOTION_DDOT": "rev/day**3",
+}  # fmt: skip
 # Beyond any number of an OMM, and still a whole number of a float.
 _LARGEST = 1e15
 _MOST_ECCENTRIC = 0.9999999
@@ -229,11 +220,10 @@ def read_omm_kvn(text: str, _name: str = "") -> Found:
 def omm_text(elements: Elements, *, originator: str, created_t_s: float) -> str:
     """Return the elements as an OMM in KVN; `read_omm_kvn` is the inverse."""
     per_day = 2.0 * math.pi / DAY_S
-    angles = {
-        "INCLINATION": elements.inclination_rad, "RA_OF_ASC_NODE": elements.ascending_node_rad,
-        "ARG_OF_PERICENTER": elements.argument_of_perigee_rad,
-        "MEAN_ANOMALY": elements.mean_anomaly_rad,
-    }  # fmt: skip
+    angles = (
+        elements.inclination_rad, elements.ascending_node_rad, elements.argument_of_perigee_rad,
+        elements.mean_anomaly_rad,
+    )  # fmt: skip
     number, dot = elements.catalogue_number, elements.mean_motion_dot_rad_s2 / per_day * DAY_S
     fields = {
         "CCSDS_OMM_VERS": "2.0", "CREATION_DATE": to_utc_text(created_t_s), "ORIGINATOR": originator,
@@ -242,7 +232,7 @@ def omm_text(elements: Elements, *, originator: str, created_t_s: float) -> str:
         "MEAN_ELEMENT_THEORY": "SGP4", "EPOCH": to_utc_text(elements.epoch_t_s),
         "MEAN_MOTION": f"{elements.mean_motion_rad_s / per_day:.12f}",
         "ECCENTRICITY": f"{elements.eccentricity:.12f}",
-        **{name: f"{math.degrees(value):.10f}" for name, value in angles.items()},
+        **{name: f"{math.degrees(value):.10f}" for name, value in zip(_ANGLES, angles, strict=True)},
         "EPHEMERIS_TYPE": 0, "CLASSIFICATION_TYPE": elements.classification, "NORAD_CAT_ID": number,
         "ELEMENT_SET_NO": elements.element_set_number, "REV_AT_EPOCH": elements.revolution_number,
         "BSTAR": f"{elements.drag_per_earth_radius:.10e}", "MEAN_MOTION_DOT": f"{0.5 * dot:.10e}",

@@ -57,22 +57,16 @@ class Elements:
     def satrec(self) -> Satrec:
         """Return a fresh SGP4 record; it holds the state of its last call, so do not share one."""
         record = Satrec()
+        # The label is of no consequence to the propagation.
+        label = self.catalogue_number if self.catalogue_number <= _LARGEST_LABEL else 0
+        # The record keeps Taylor coefficients, as a TLE does, per minute.
+        half_dot, dot_dot = self.mean_motion_dot_rad_s2 * 3600.0 / 2.0, self.mean_motion_ddot_rad_s3
         record.sgp4init(
-            WGS72,
-            "i",
-            # The label is of no consequence to the propagation.
-            self.catalogue_number if self.catalogue_number <= _LARGEST_LABEL else 0,
-            self.epoch_t_s / DAY_S + _DAYS_1949_TO_1970,
-            self.drag_per_earth_radius,
-            self.mean_motion_dot_rad_s2 * 3600.0 / 2.0,  # the record keeps Taylor coefficients, as a TLE does
-            self.mean_motion_ddot_rad_s3 * 216000.0 / 6.0,
-            self.eccentricity,
-            self.argument_of_perigee_rad,
-            self.inclination_rad,
-            self.mean_anomaly_rad,
-            self.mean_motion_rad_s * 60.0,
-            self.ascending_node_rad,
-        )
+            WGS72, "i", label, self.epoch_t_s / DAY_S + _DAYS_1949_TO_1970,
+            self.drag_per_earth_radius, half_dot, dot_dot * 216000.0 / 6.0, self.eccentricity,
+            self.argument_of_perigee_rad, self.inclination_rad, self.mean_anomaly_rad,
+            self.mean_motion_rad_s * 60.0, self.ascending_node_rad,
+        )  # fmt: skip
         return record
 
 

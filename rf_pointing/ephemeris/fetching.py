@@ -148,11 +148,8 @@ def refresh(
     hosts : other servers to which this one may send the request on, from now on.
     contents, question : elements, requested by GET, if None.
 
-    Raises
-    ------
-    ValueError
-        An interval below the rule of the source, secret headers for an address that anybody on the
-        way can read, and a record that cannot be kept.
+    ValueError for an interval below the rule of the source, secret headers for an address that
+    anybody on the way can read, and a record that cannot be kept.
     """
     contents, question = contents or ELEMENTS, question or Question()
     every_s = allowed_interval_s(address, every_s, contents.rule_s)
@@ -264,11 +261,8 @@ def kept_outcomes(addresses: Sequence[str], folder: Path, contents: Contents | N
     if not records:
         those = " of these addresses" if addresses else ""
         raise ValueError(f"{folder} keeps no {contents.name}{those}: give an address")
-    files = [kept_file(record.address, folder, contents.suffix) for record in records]
-    return [
-        Outcome(state=_kept_state(record, _digest(file), "kept"), file=file, record=record)
-        for record, file in zip(records, files, strict=True)
-    ]
+    rows = ((record, kept_file(record.address, folder, contents.suffix)) for record in records)
+    return [Outcome(state=_kept_state(r, _digest(f), "kept"), file=f, record=r) for r, f in rows]
 
 
 def _require_addresses(addresses: Sequence[str]) -> None:
@@ -302,12 +296,8 @@ def _kept_state(record: Record, kept: str, name: str) -> str:
     return (name if not record.problem else "kept") if kept else "none"
 
 
-@dataclass(frozen=True)
-class _Answer:
-    body: bytes
-    etag: str
-    last_modified: str
-    of_known_length: bool
+_Answer = tuple[bytes, Record, bool]
+"""Body, the record with what the server said of it, and whether its length was known."""
 
 
 def _get(record: Record, timeout_s: float, contents: Contents, question: Question) -> _Answer | None:
@@ -364,8 +354,8 @@ def _request(record: Record, timeout_s: float, contents: Contents, question: Que
                 if len(body) > MOST_BYTES:
                     raise NotTakenError(f"{response.url} sent {len(body)} bytes, must be <= {MOST_BYTES}")
             known = "Content-Length" in found or found.get("Transfer-Encoding", "") == "chunked"
-            etag, modified = (found.get(name, "") for name in ("ETag", "Last-Modified"))
-            return _Answer(bytes(body), _sendable(etag), _sendable(modified), known)
+            etag, modified = (_sendable(found.get(name, "")) for name in ("ETag", "Last-Modified"))
+            return bytes(body), replace(record, etag=etag, last_modified=modified), known
     except requests.RequestException as error:
         raise _not_taken(record.address, error, timeout_s) from error
 
@@ -384,9 +374,8 @@ def _sent_on(address: str, location: str, record: Record, contents: Contents) ->
     if not is_address(target) or not secure:
         raise NotTakenError(f"{address} was sent on to {brief(target)}, must be {begin.scheme}")
     if not same and end.hostname not in record.hosts:
-        raise NotTakenError(
-            f"{address} was sent on to {end.hostname}, which only {contents.command} --redirect-to {end.hostname} allows"
-        )
+        allows = f"{contents.command} --redirect-to {end.hostname}"
+        raise NotTakenError(f"{address} was sent on to {end.hostname}, which only {allows} allows")
     return target
 
 
@@ -401,9 +390,8 @@ def _not_taken(address: str, error: Any, timeout_s: float) -> NotTakenError:
     from urllib3.exceptions import NewConnectionError
 
     reason = getattr(error.args[0] if error.args else None, "reason", None)
-    if isinstance(error, (exceptions.ConnectTimeout, exceptions.SSLError, exceptions.ProxyError)) or isinstance(
-        reason, NewConnectionError
-    ):
+    refused = exceptions.ConnectTimeout, exceptions.SSLError, exceptions.ProxyError
+    if isinstance(error, refused) or isinstance(reason, NewConnectionError):
         return NotTakenError(f"{address} cannot be reached: {str(reason or error).rsplit(': ', 1)[-1]}", reached=False)
     if isinstance(error, exceptions.Timeout):
         return NotTakenError(f"{address} has not answered after {timeout_s:g} s")
@@ -426,27 +414,24 @@ def _taken(answer: _Answer, requested: Record, file: Path, now_s: float, content
     """Replace the kept file by an answer that is whole; NotTakenError leaves it alone."""
     from rf_pointing.ephemeris.orbit_file import decoded
 
+    body, answered, known_length = answer
     try:
-        text = contents.text(decoded(answer.body))
+        text = contents.text(decoded(body))
         found = contents.note(text, requested)
     except ValueError as error:
-        start = " ".join(answer.body[:60].decode("utf-8", "replace").split())
-        what = (
-            "a web page" if start.casefold().startswith(("<!doctype html", "<html")) else f"no whole {contents.whole}"
-        )
+        start = " ".join(body[:60].decode("utf-8", "replace").split())
+        page = start.casefold().startswith(("<!doctype html", "<html"))
+        what = "a web page" if page else f"no whole {contents.whole}"
         raise NotTakenError(f"{requested.address} answered {what} ({start!r}): {error}") from error
     # A connection that ends early looks like a whole answer when no length was promised.
-    if not answer.of_known_length and text.lstrip()[:1] not in "[{<" and not text.endswith(("\n", "\r")):
+    if not known_length and text.lstrip()[:1] not in "[{<" and not text.endswith(("\n", "\r")):
         raise NotTakenError(f"{requested.address} ended in the middle of a line: {text[-40:].splitlines()[-1]!r}")
     if not contents.shrinks and file.is_file() and found.objects < FEWEST_SHARE * requested.objects:
-        raise NotTakenError(
-            f"{requested.address} holds {found.objects} objects, fewer than half of the {requested.objects} that are "
-            f"kept; delete {file} to take them"
-        )
+        few = f"{found.objects} objects, fewer than half of the {requested.objects} that are kept"
+        raise NotTakenError(f"{requested.address} holds {few}; delete {file} to take them")
     write_whole(file, text)
-    return replace(
-        found, fresh_t_s=now_s, etag=answer.etag, last_modified=answer.last_modified, digest=_digest(file), problem=""
-    )
+    validators: dict[str, Any] = {"etag": answered.etag, "last_modified": answered.last_modified}
+    return replace(found, fresh_t_s=now_s, problem="", digest=_digest(file), **validators)
 
 
 def _record_of(text: str, requested: Record) -> Record:

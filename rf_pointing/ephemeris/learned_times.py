@@ -13,7 +13,7 @@ contradicts it (a manoeuvre), and when the elements alone are known better.
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -78,11 +78,11 @@ class LearnedTime:
         gain = covariance[:, 0] / (covariance[0, 0] + sigma_s**2)
         keep = np.eye(2) - np.outer(gain, [1.0, 0.0])
         covariance = keep @ covariance @ keep.T + np.outer(gain, gain) * sigma_s**2
-        return LearnedTime(
-            epoch_t_s=self.epoch_t_s, t_s=t_s, along_s=float(self.ahead_s(t_s) + gain[0] * innovation),
-            rate=float(self.rate + gain[1] * innovation), growth_1_s=self.growth_1_s, passes=self.passes + 1,
-            unlawful=self.unlawful,
-            variances=(float(covariance[0, 0]), float(covariance[0, 1]), float(covariance[1, 1])),
+        (along, both), (_, rate) = covariance.tolist()
+        return replace(
+            self, t_s=t_s, along_s=float(self.ahead_s(t_s) + gain[0] * innovation),
+            rate=float(self.rate + gain[1] * innovation), passes=self.passes + 1,
+            variances=(along, both, rate),
         )  # fmt: skip
 
     def text(self, t_s: float) -> str:
@@ -119,10 +119,8 @@ class LearnedTimes:
             return None
         lawful_s = known.unlawful * _lawful_s(track, t_s, law)
         if known.sigma_s(t_s) >= lawful_s:
-            sigma_s, age_h = known.sigma_s(t_s), (t_s - known.t_s) / 3600.0
-            self._drop(
-                track.name, f"after {age_h:.1f} h its sigma is {sigma_s:.2f} s, that of the elements {lawful_s:.2f} s"
-            )
+            own = f"after {(t_s - known.t_s) / 3600.0:.1f} h its sigma is {known.sigma_s(t_s):.2f} s"
+            self._drop(track.name, f"{own}, that of the elements {lawful_s:.2f} s")
             return None
         return known
 
@@ -206,9 +204,8 @@ def fitted_time(track: TopocentricTrack, held: Sequence[HeldDirection]) -> tuple
         speed = np.maximum(np.hypot(*ahead), 1e-9)
         left = np.array([-ahead[1], ahead[0]]) / (speed * range_m)
         ones, none = np.ones(len(times)), np.zeros(len(times))
-        rows = np.stack(
-            [ahead.ravel(), left.ravel(), np.concatenate([ones, none]), np.concatenate([none, ones])], axis=1
-        )
+        biases = np.concatenate([ones, none]), np.concatenate([none, ones])
+        rows = np.stack([ahead.ravel(), left.ravel(), *biases], axis=1)
         # The same gust, and the same window of a scan, is in many of the directions.
         weight = 1.0 / (sigma**2 * max(CORRELATION_S * (len(times) - 1) / (times[-1] - times[0]), 1.0))
         normal = weight * rows.T @ rows + np.diag(1.0 / known**2)

@@ -24,18 +24,12 @@ from rf_pointing.core.constants import EARTH_MU_M3_S2, EARTH_RADIUS_M
 from rf_pointing.core.dates import DAY_S, from_utc_text, to_utc_text, utc_text
 from rf_pointing.core.kvn import key_and_value
 from rf_pointing.core.types import Array
+from rf_pointing.ephemeris import time_scales
 from rf_pointing.ephemeris.celestial_frame import EARTH_RATE_RAD_S, earth_fixed_from_gcrs
 from rf_pointing.ephemeris.earth_orientation import EarthOrientationSource, IersEarthOrientation
 from rf_pointing.ephemeris.sgp4_orbit import GMST_RATE_RAD_S, earth_fixed_from_teme
 from rf_pointing.ephemeris.state_vector import StateVector, Vector, rotated, seen_from_rotating_axes
-from rf_pointing.ephemeris.time_scales import (
-    POSIX_EPOCH_JD,
-    TAI_MINUS_GPS_S,
-    TT_MINUS_TAI_S,
-    leap_seconds,
-    tai_from_utc_calendar,
-    utc_from_tai_s,
-)
+from rf_pointing.ephemeris.time_scales import leap_seconds, tai_from_utc_calendar, utc_from_tai_s
 from rf_pointing.ephemeris.track import TargetSource
 
 METHODS = ("HERMITE", "LAGRANGE", "LINEAR")
@@ -155,16 +149,14 @@ def _take_keyword(into: dict[str, str], line: str, number: int) -> None:
 
 
 def _take_covariance(draft: Draft, line: str, number: int) -> None:
-    if "=" not in line:
-        if not draft.covariances:
-            raise ValueError(f"line {number}: a covariance must begin with its EPOCH")
-        draft.covariances[-1][2].extend(numbers_of(line.split(), number, line))
-        return
-    if line.startswith("EPOCH"):
+    if line.startswith("EPOCH") and "=" in line:
         draft.covariances.append((number, {}, []))
     if not draft.covariances:
         raise ValueError(f"line {number}: a covariance must begin with its EPOCH")
-    draft.covariances[-1][1].update([key_and_value(line, number) or ("", "")])
+    if "=" in line:
+        draft.covariances[-1][1].update([key_and_value(line, number) or ("", "")])
+    else:
+        draft.covariances[-1][2].extend(numbers_of(line.split(), number, line))
 
 
 _STATE_LEAVES = ("X", "Y", "Z", "X_DOT", "Y_DOT", "Z_DOT")
@@ -209,11 +201,7 @@ def oem_text(
     """Return the message of a target's motion between two UTC times; `read_oem` is the inverse.
 
     The states are of the Earth-fixed frame ITRF, a minute apart; `covariances` keep their frames.
-
-    Raises
-    ------
-    ValueError
-        For a body of the sky, and for times that the target does not know.
+    ValueError for a body of the sky, and for times that the target does not know.
     """
     if target.at_infinity or target.name.casefold() in ("sun", "moon"):
         raise ValueError(f"{target.name} is not a satellite: an OEM holds the states of an orbit")
@@ -240,14 +228,14 @@ def oem_text(
 
 
 def _covariance_lines(covariances: Sequence[StateCovariance]) -> list[str]:
-    lines = ["", "COVARIANCE_START"] if covariances else []
+    lines: list[str] = []
     for one in covariances:
         epoch = to_utc_text(utc_from_tai_s(one.tai_s))
         lines += [f"EPOCH = {epoch}", f"COV_REF_FRAME = {one.frame}"]
         # Metres to km: the lower triangle, a line for each row.
         for k, row in enumerate(one.matrix * 1e-6):
             lines.append(" ".join(f"{value:.9e}" for value in row[: k + 1]))
-    return [*lines, "COVARIANCE_STOP"] if covariances else []
+    return ["", "COVARIANCE_START", *lines, "COVARIANCE_STOP"] if lines else []
 
 
 def _state(line: str, number: int) -> State:
@@ -303,18 +291,11 @@ def _segment(draft: Draft) -> OemSegment:
         )
     usable_from_s, usable_to_s = _usable(meta, tai_s)
     return OemSegment(
-        name=name_of(meta["OBJECT_NAME"]),
-        object_id=meta["OBJECT_ID"],
-        frame=frame,
-        tai_s=tai_s,
-        position_m=position,
-        velocity_m_s=velocity,
-        usable_from_s=usable_from_s,
-        usable_to_s=usable_to_s,
-        method=method,
-        degree=degree,
+        name=name_of(meta["OBJECT_NAME"]), object_id=meta["OBJECT_ID"], frame=frame, tai_s=tai_s,
+        position_m=position, velocity_m_s=velocity, usable_from_s=usable_from_s,
+        usable_to_s=usable_to_s, method=method, degree=degree,
         covariances=tuple(_covariance(*one, meta) for one in draft.covariances),
-    )
+    )  # fmt: skip
 
 
 def _covariance(number: int, keys: dict[str, str], lower: list[float], meta: dict[str, str]) -> StateCovariance:
@@ -356,9 +337,8 @@ def _require_near_the_earth(states: list[State], values: Array) -> None:
                 f"[{0.9e-3 * EARTH_RADIUS_M:.0f}, {1e-3 * _FARTHEST_M:.0f}] km"
             )
         if fast > most:
-            raise ValueError(
-                f"line {state.number}: speed {1e-3 * fast:.6g} km/s must be <= {1e-3 * most:.6g} km/s there"
-            )
+            bound = f"must be <= {1e-3 * most:.6g} km/s there"
+            raise ValueError(f"line {state.number}: speed {1e-3 * fast:.6g} km/s {bound}")
 
 
 def _usable(meta: dict[str, str], tai_s: Array) -> tuple[float, float]:
@@ -371,10 +351,9 @@ def _usable(meta: dict[str, str], tai_s: Array) -> tuple[float, float]:
     step_s = float(np.max(np.diff(tai_s)))
     for key, short_s in zip(keys, (tai_s[0] - first, last - tai_s[-1]), strict=True):
         if short_s > step_s:
-            raise ValueError(
-                f"{key}={meta[key]} of {meta['OBJECT_NAME']} lies {short_s:.0f} s beyond the states, must be <= {step_s:.0f} s "
-                "(one step): is the message whole?"
-            )
+            beyond = f"{short_s:.0f} s beyond the states, must be <= {step_s:.0f} s (one step)"
+            of = f"{key}={meta[key]} of {meta['OBJECT_NAME']}"
+            raise ValueError(f"{of} lies {beyond}: is the message whole?")
     return max(first, float(tai_s[0])), min(last, float(tai_s[-1]))
 
 
@@ -386,9 +365,8 @@ def _interpolation(meta: dict[str, str]) -> tuple[str, int]:
     text = meta.get("INTERPOLATION_DEGREE", "1" if method == "LINEAR" else "")
     least = _LEAST_DEGREE[method]
     if not re.fullmatch(r"[0-9]+", text) or not least <= int(text) <= _MAX_DEGREE:
-        raise ValueError(
-            f"INTERPOLATION_DEGREE={text!r} must be a whole number in [{least}, {_MAX_DEGREE}] for {method}"
-        )
+        bound = f"a whole number in [{least}, {_MAX_DEGREE}] for {method}"
+        raise ValueError(f"INTERPOLATION_DEGREE={text!r} must be {bound}")
     return method, int(text)
 
 
@@ -399,8 +377,10 @@ def tai_from_text(text: str, scale: str) -> float:
     seconds = from_utc_text(text)
     if scale == "TDB":
         whole, rest = divmod(seconds, DAY_S)
-        seconds -= float(erfa.dtdb(POSIX_EPOCH_JD + whole, rest / DAY_S, 0.0, 0.0, 0.0, 0.0))
-    return seconds + {"TAI": 0.0, "GPS": TAI_MINUS_GPS_S, "TT": -TT_MINUS_TAI_S, "TDB": -TT_MINUS_TAI_S}[scale]
+        parts = time_scales.POSIX_EPOCH_JD + whole, rest / DAY_S
+        seconds -= float(erfa.dtdb(*parts, 0.0, 0.0, 0.0, 0.0))
+    tt_s, gps_s = -time_scales.TT_MINUS_TAI_S, time_scales.TAI_MINUS_GPS_S
+    return seconds + {"TAI": 0.0, "GPS": gps_s, "TT": tt_s, "TDB": tt_s}[scale]
 
 
 class OemTarget:
@@ -413,20 +393,16 @@ class OemTarget:
     at_infinity = False
 
     def __init__(
-        self,
-        segments: Sequence[OemSegment],
-        orientation: EarthOrientationSource | None = None,
-        *,
+        self, segments: Sequence[OemSegment], orientation: EarthOrientationSource | None = None, *,
         interpolation: tuple[str, int] | None = None,
-    ) -> None:
+    ) -> None:  # fmt: skip
         if not segments or len({segment.object_id for segment in segments}) != 1:
             raise ValueError("segments must be one or more of one object")
         frames = {segment.frame for segment in segments}
         frame = frames.pop()
         if frames or not (frame in _CELESTIAL or frame == _TEME or frame.startswith("ITRF")):
-            raise ValueError(
-                f"REF_FRAME={frame!r} must be one of {', '.join(_CELESTIAL)}, TEME, ITRF-yyyy, in all segments"
-            )
+            known = f"{', '.join(_CELESTIAL)}, TEME, ITRF-yyyy, in all segments"
+            raise ValueError(f"REF_FRAME={frame!r} must be one of {known}")
         self.name = segments[0].name
         self.rotation_rate_rad_s = GMST_RATE_RAD_S if frame == _TEME else EARTH_RATE_RAD_S
         self._frame = frame
@@ -483,11 +459,9 @@ class OemTarget:
             position, velocity = np.array(motion.position), np.array(motion.velocity)
             normal = np.cross(position, velocity)
             normal /= np.linalg.norm(normal)
-            if frame in _TANGENTIAL:
-                along = velocity / np.linalg.norm(velocity)
-                return np.array([along, np.cross(normal, along), normal])
-            up = position / np.linalg.norm(position)
-            return np.array([up, np.cross(normal, up), normal])
+            first = velocity if frame in _TANGENTIAL else position
+            first = first / np.linalg.norm(first)
+            return np.array([first, np.cross(normal, first), normal])
         still = (0.0, 0.0, 0.0)
         units = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
         each = (self._earth_fixed(StateVector(unit, still, still, still), t_s, frame) for unit in units)
@@ -549,23 +523,20 @@ def _window_size(segment: OemSegment, fallback: tuple[str, int] | None) -> tuple
     """Return whether velocities are used, how many states, and the degree."""
     method, degree = (segment.method, segment.degree) if segment.method else (fallback or ("", 0))
     if not method:
-        raise ValueError(
-            f"OEM of {segment.name} declares no INTERPOLATION: give interpolation and its degree, as in "
-            "--interpolation HERMITE 7 (of a node: source.interpolation)"
-        )
+        example = "--interpolation HERMITE 7 (of a node: source.interpolation)"
+        wanted = f"give interpolation and its degree, as in {example}"
+        raise ValueError(f"OEM of {segment.name} declares no INTERPOLATION: {wanted}")
     require_choice("interpolation", method, METHODS)
     hermite = method == "HERMITE"
     # Positions and velocities come in pairs: an even degree has no whole number of states.
     if hermite and (degree % 2 == 0 or degree < 3):
-        raise ValueError(
-            f"INTERPOLATION_DEGREE={degree} must be odd, 3 or more, for HERMITE: it takes positions and velocities"
-        )
+        why = "it takes positions and velocities"
+        raise ValueError(f"INTERPOLATION_DEGREE={degree} must be odd, 3 or more, for HERMITE: {why}")
     degree = 1 if method == "LINEAR" else degree
     size = (degree + 1) // 2 if hermite else degree + 1
-    if len(segment.tai_s) < size:
-        raise ValueError(
-            f"OEM segment of {segment.name} has {len(segment.tai_s)} states, must have {size} for {method}"
-        )
+    if (count := len(segment.tai_s)) < size:
+        few = f"{count} states, must have {size} for {method}"
+        raise ValueError(f"OEM segment of {segment.name} has {few}")
     return hermite, size, degree
 
 
@@ -576,9 +547,8 @@ def _known_axes(frame: str) -> bool:
 @lru_cache(maxsize=1)
 def _gcrs_from_j2000() -> tuple[Vector, Vector, Vector]:
     """Rows of the frame bias, transposed: 23 mas between the mean equator of J2000 and the GCRS."""
-    bias, _, _ = erfa.bp06(*_J2000)
-    first, second, third = bias.T.tolist()
-    return tuple(first), tuple(second), tuple(third)
+    first, second, third = map(tuple, erfa.bp06(*_J2000)[0].T.tolist())
+    return first, second, third
 
 
 def _utc(tai_s: float) -> str:

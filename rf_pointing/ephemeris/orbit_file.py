@@ -27,36 +27,32 @@ class Format(NamedTuple):
     """A format by the beginning of its text; None reads what is only named."""
 
     name: str
-    begins: re.Pattern[str]
-    read: Reader | None
-
-
-def _row(name: str, begins: str, read: Reader | None = None) -> Format:
-    return Format(name, re.compile(r"\s*" + begins, re.IGNORECASE), read)
+    begins: str
+    read: Reader | None = None
 
 
 FORMATS = (
-    _row("a web page", r"<!doctype html|<html"),
-    _row("an OEM in XML", r"(?=[\s\S]{0,4000}<(\w+:)?oem\b)<", read_oem_xml),
-    _row("an OMM in XML", r"(?=[\s\S]{0,4000}<(\w+:)?(omm|ndm|segment)\b)<", read_omm_xml),
-    _row("JSON", r"\[\s*\[(?!\w)|[\[{]\s*[{\"\]}]", read_json),
-    _row("an OEM", r"(COMMENT.*\s+)*CCSDS_OEM_VERS", read_oem),
-    _row("an OMM", r"(COMMENT.*\s+)*CCSDS_OMM_VERS|COMMENT", read_omm_kvn),
-    _row("another CCSDS message than an OMM or OEM", r"CCSDS_\w+_VERS"),
-    _row("an OMM table", r"[^\n]*MEAN_MOTION[^\n]*[,;\t]|[^\n]*[,;\t][^\n]*MEAN_MOTION", read_omm_csv),
-    _row("MEME text", r"created:.*\s+ephemeris_start:|\d{13}\.\d{3} ", read_meme),
-    _row("CPF", r"H1\s+CPF", read_cpf),
-    _row("SP3", r"#[abcd][PV]\d{4}", read_sp3),
-    _row("AMSAT's elements in words", r"satellite:.*\s+catalog number:"),
-    _row("an STK ephemeris", r"stk\.v\."),
-    _row("RINEX", r".{60}RINEX VERSION"),
-    _row("a YUMA almanac", r"\*+ *Week"),
-    _row("a SPICE kernel", r"DAF/|KPL/"),
-    _row("a calendar", r"BEGIN:VCALENDAR"),
-    _row("compressed", r"\x1f|PK\x03\x04|BZh|\ufffd7zXZ|\(\ufffd/\ufffd"),
-    _row("a PDF", r"%PDF"),
-    _row("a station description", r"(#.*\s+)*version:"),
-    _row("TLE", "", read_tle),
+    Format("a web page", r"<!doctype html|<html"),
+    Format("an OEM in XML", r"(?=[\s\S]{0,4000}<(\w+:)?oem\b)<", read_oem_xml),
+    Format("an OMM in XML", r"(?=[\s\S]{0,4000}<(\w+:)?(omm|ndm|segment)\b)<", read_omm_xml),
+    Format("JSON", r"\[\s*\[(?!\w)|[\[{]\s*[{\"\]}]", read_json),
+    Format("an OEM", r"(COMMENT.*\s+)*CCSDS_OEM_VERS", read_oem),
+    Format("an OMM", r"(COMMENT.*\s+)*CCSDS_OMM_VERS|COMMENT", read_omm_kvn),
+    Format("another CCSDS message than an OMM or OEM", r"CCSDS_\w+_VERS"),
+    Format("an OMM table", r"[^\n]*MEAN_MOTION[^\n]*[,;\t]|[^\n]*[,;\t][^\n]*MEAN_MOTION", read_omm_csv),
+    Format("MEME text", r"created:.*\s+ephemeris_start:|\d{13}\.\d{3} ", read_meme),
+    Format("CPF", r"H1\s+CPF", read_cpf),
+    Format("SP3", r"#[abcd][PV]\d{4}", read_sp3),
+    Format("AMSAT's elements in words", r"satellite:.*\s+catalog number:"),
+    Format("an STK ephemeris", r"stk\.v\."),
+    Format("RINEX", r".{60}RINEX VERSION"),
+    Format("a YUMA almanac", r"\*+ *Week"),
+    Format("a SPICE kernel", r"DAF/|KPL/"),
+    Format("a calendar", r"BEGIN:VCALENDAR"),
+    Format("compressed", r"\x1f|PK\x03\x04|BZh|\ufffd7zXZ|\(\ufffd/\ufffd"),
+    Format("a PDF", r"%PDF"),
+    Format("a station description", r"(#.*\s+)*version:"),
+    Format("TLE", "", read_tle),
 )
 """Formats in the order in which they are tried; text with lines of a TLE in it is TLE."""
 MOST_LISTED = 10
@@ -86,7 +82,7 @@ def read_orbits(text: str, name: str = "") -> OrbitFile:
     `name` is that of its file, which names the object of formats that do not.
     """
     text = text.removeprefix("\ufeff")
-    form = next(form for form in FORMATS if form.begins.match(text))
+    form = next(form for form in FORMATS if re.match(rf"(?i)\s*(?:{form.begins})", text))
     found = OrbitFile(form.name)
     begins = " ".join(text[:200].split())[:40]
     if form.read is None:

@@ -176,9 +176,8 @@ def _known(track: TopocentricTrack, start_t_s: float, duration_s: float) -> list
     parts = [(low, high - low) for low, high in ends if high > low]
     if not parts:
         spans = ", ".join(f"{_edge(first)} to {_edge(last)}" for first, last in track.spans_t_s)
-        raise ValueError(
-            f"the search from {utc_text(start_t_s)} is outside the usable span of {track.name}: {spans or 'none'}"
-        )
+        outside = f"is outside the usable span of {track.name}: {spans or 'none'}"
+        raise ValueError(f"the search from {utc_text(start_t_s)} {outside}")
     return parts
 
 
@@ -229,10 +228,8 @@ def _described(track: TopocentricTrack, motion: SkyMotion, stays: Stays, sine: f
     largest = np.minimum(np.maximum(np.argmax(np.abs(bend), axis=1), 1), rows.shape[1] - 2)
     low, high = rows[number, largest - 1], rows[number, largest + 1]
     closer = (low + (high - low) * _CLOSER).ravel()
-    bending = np.abs(angles_and_rates(_without_jerk(*motion.at(closer, 3)))[4]).reshape(
-        len(_CLOSER),
-        -1,
-    )
+    bending = np.abs(angles_and_rates(_without_jerk(*motion.at(closer, 3)))[4])
+    bending = bending.reshape(len(_CLOSER), -1)
     turn, lifting, near = _largest(
         rows, np.array([np.abs(turning), np.abs(rate), -square]),
         np.array([np.copysign(bend, bend * turning), np.copysign(lift, lift * rate), -2.0 * farther]),
@@ -256,10 +253,7 @@ def _described(track: TopocentricTrack, motion: SkyMotion, stays: Stays, sine: f
 
 
 def _exact(
-    track: TopocentricTrack,
-    times: Array,
-    free: BoolArray,
-    sine: float | None,
+    track: TopocentricTrack, times: Array, free: BoolArray, sine: float | None
 ) -> tuple[Array, list[Array], Array]:
     """Return rise, peak and set (3, n) of the track, its motion there, and the range at the peaks.
 

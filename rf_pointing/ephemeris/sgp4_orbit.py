@@ -73,11 +73,7 @@ class Sgp4Orbit:
         self._check_age(t_s, elapsed_s)
         # SGP4 counts elapsed seconds; a difference of UTC lacks the leap seconds in between.
         elapsed_s = elapsed_s + (leap_seconds().tai_minus_utc_s(t_s) - self._leap_at_epoch_s)
-        teme = motion_from_positions(
-            _positions_km(self._record, elapsed_s, self.name),
-            _STEP_S,
-            _KM,
-        )
+        teme = motion_from_positions(_positions_km(self._record, elapsed_s, self.name), _STEP_S, _KM)
         return earth_fixed_from_teme(teme, t_s, self.orientation)
 
     def warnings(self, t_s: float) -> tuple[str, ...]:
@@ -130,11 +126,9 @@ class Sgp4Orbit:
     def _check_age(self, t_s: Any, elapsed_s: Any) -> None:
         age_s = abs(elapsed_s) if isinstance(elapsed_s, float) else np.max(np.abs(elapsed_s), initial=0.0)
         if not age_s <= self.max_age_s:
-            raise ValueError(
-                f"t_s={np.max(t_s)} is {age_s / DAY_S:.2f} days from the epoch {utc_text(self.elements.epoch_t_s)} of "
-                f"{self.name}, must be <= max_age_s={self.max_age_s} ({self.max_age_s / DAY_S:.2f} days); "
-                "fetch_elements brings newer ones"
-            )
+            epoch = f"the epoch {utc_text(self.elements.epoch_t_s)} of {self.name}"
+            bound = f"must be <= max_age_s={self.max_age_s} ({self.max_age_s / DAY_S:.2f} days); fetch_elements brings newer ones"
+            raise ValueError(f"t_s={np.max(t_s)} is {age_s / DAY_S:.2f} days from {epoch}, {bound}")
 
 
 def earth_fixed_from_teme(motion: StateVector, t_s: Any, orientation: EarthOrientationSource) -> StateVector:

@@ -10,38 +10,27 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, lru_cache, partial
 from pathlib import Path
-from typing import Any
 
 from rf_pointing.core import parameter
 from rf_pointing.core.dates import DAY_S
 from rf_pointing.core.refraction import RadioRefraction
 from rf_pointing.core.whole_file import KeptState
-from rf_pointing.ephemeris import (
-    RADIO_SOURCES,
-    SITES,
-    Elements,
-    OemTarget,
-    Site,
-    TargetSource,
-    TopocentricTrack,
-    find_elements,
-    moon,
-    radio_source,
-    sun,
-    verification_elements,
-)
-from rf_pointing.ephemeris.celestial import OWN_PLACE, PLANETS, own_place, planet
+from rf_pointing.ephemeris import celestial
 from rf_pointing.ephemeris.element_files import element_files, version_of
-from rf_pointing.ephemeris.oem import METHODS, OemSegment
+from rf_pointing.ephemeris.elements import Elements, find_elements
+from rf_pointing.ephemeris.oem import METHODS, OemSegment, OemTarget
 from rf_pointing.ephemeris.satellite_antenna import SatelliteAntennaParams
+from rf_pointing.ephemeris.sites import SITES, Site
 from rf_pointing.ephemeris.target_offsets import TargetOffsets
+from rf_pointing.ephemeris.tle import verification_elements
+from rf_pointing.ephemeris.track import TargetSource, TopocentricTrack
 
 # Bodies of the sky by their names, case ignored.
 BODIES: dict[str, Callable[[], TargetSource]] = {
-    "sun": sun,
-    "moon": moon,
-    **{name.casefold(): partial(radio_source, name) for name in RADIO_SOURCES},
-    **{name.casefold(): partial(planet, name) for name in PLANETS if name},
+    "sun": celestial.sun,
+    "moon": celestial.moon,
+    **{name.casefold(): partial(celestial.radio_source, name) for name in celestial.RADIO_SOURCES},
+    **{name.casefold(): partial(celestial.planet, name) for name in celestial.PLANETS if name},
 }
 
 
@@ -50,8 +39,8 @@ def body_of(name: str) -> TargetSource | None:
 
     ValueError for a place that cannot be read.
     """
-    if name.casefold().split()[:1] == [OWN_PLACE]:
-        return own_place(name).target()
+    if name.casefold().split()[:1] == [celestial.OWN_PLACE]:
+        return celestial.own_place(name).target()
     made = BODIES.get(name.casefold())
     return made() if made else None
 
@@ -135,14 +124,10 @@ def load_elements(params: SourceParams) -> Elements:
 def load_track(params: SourceParams, hold_t_s: float | None = None) -> TopocentricTrack:
     """Return the object as seen from the site, held where it is at `hold_t_s` if given."""
     return TopocentricTrack(
-        load_target(params),
-        params.site,
-        hold_t_s=hold_t_s,
-        refraction=refraction_at(params, params.site),
-        max_age_s=params.max_age_days * DAY_S,
-        antenna=params.antenna,
+        load_target(params), params.site, hold_t_s=hold_t_s, antenna=params.antenna,
+        refraction=refraction_at(params, params.site), max_age_s=params.max_age_days * DAY_S,
         **params.offsets,
-    )
+    )  # fmt: skip
 
 
 def refraction_at(params: SourceParams, station: Site) -> RadioRefraction | None:
@@ -243,46 +228,34 @@ def _read_source(location: str, _version: object) -> SourceContents:
 
 
 class TargetMemory:
-    """The state file of one publisher; an empty name remembers nothing."""
+    """The state file of one publisher; an empty name remembers nothing.
+
+    `source` is the source as it was last, or as configured, `peak_rad` the least peak of the passes
+    that are wanted, `hold_t_s` when the target is held, None while it moves.
+    """
 
     def __init__(self, name: str, configured: SourceParams) -> None:
-        self._state, self._configured = KeptState(name), configured
+        self._state, self._configured = KeptState(name), dataclasses.asdict(configured)
         kept = self._state.recover()
         # Another configuration: what was kept belongs to another target.
-        mine = kept.get("configured") == dataclasses.asdict(configured)
-        self._kept: dict[str, Any] = kept if mine else {}
+        if kept.get("configured") != self._configured:
+            kept = {}
         try:
-            # Whatever is in it is read now: later it would end a node.
-            _ = self.source, self.peak_rad, self.hold_t_s
+            values, held_s = dict(kept.get("source", {})), kept.get("hold_t_s")
+            # JSON kept these as tables; the parameter sets are made anew from them.
+            for each in {"weather", "site", "antenna"} & values.keys():
+                values[each] = getattr(configured, each).replace(**values[each])
+            self.source = configured.replace(**values)
+            self.peak_rad = float(kept.get("peak_rad", 0.0))
+            self.hold_t_s = None if held_s is None else float(held_s)
         except (ValueError, TypeError, AttributeError, OverflowError) as error:
             raise ValueError(f"state file {name} cannot be used: {error}") from error
 
-    @property
-    def source(self) -> SourceParams:
-        """The source as it was last, or as configured."""
-        kept = dict(self._kept.get("source", {}))
-        # JSON kept these as tables; the parameter sets are made anew from them.
-        for name in ("weather", "site", "antenna"):
-            if name in kept:
-                kept[name] = getattr(self._configured, name).replace(**kept[name])
-        return self._configured.replace(**kept)
-
-    @property
-    def peak_rad(self) -> float:
-        """Least peak of the passes that are wanted."""
-        return float(self._kept.get("peak_rad", 0.0))
-
-    @property
-    def hold_t_s(self) -> float | None:
-        """Instant at which the target is held, None when it moves."""
-        held_s = self._kept.get("hold_t_s")
-        return None if held_s is None else float(held_s)
-
     def keep(self, source: SourceParams, peak_rad: float, hold_t_s: float | None) -> None:
         """Write what has changed."""
-        configured = dataclasses.asdict(self._configured)
-        self._kept = {"source": dataclasses.asdict(source), "peak_rad": peak_rad, "hold_t_s": hold_t_s}
-        self._state.keep({"configured": configured, **self._kept})
+        self.source, self.peak_rad, self.hold_t_s = source, peak_rad, hold_t_s
+        kept = {"source": dataclasses.asdict(source), "peak_rad": peak_rad, "hold_t_s": hold_t_s}
+        self._state.keep({"configured": self._configured, **kept})
 
     @property
     def problem(self) -> str:

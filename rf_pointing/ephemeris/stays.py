@@ -232,9 +232,8 @@ def _turning(motion: SkyMotion, ends: Pairs, rates: Pairs) -> tuple[Array, Array
         if not np.any(astray):
             # The last step changes the height by half of what its slope alone would.
             return at, height - 0.5 * step_s * rate
-    at[astray] = roots_between(
-        lambda t_s: motion.height(t_s, 2)[1], low[astray], high[astray], _TIME_TOLERANCE_S,
-    )  # fmt: skip
+    around = low[astray], high[astray]
+    at[astray] = roots_between(lambda t_s: motion.height(t_s, 2)[1], *around, _TIME_TOLERANCE_S)
     return at, motion.height(at, 2)[0]
 
 

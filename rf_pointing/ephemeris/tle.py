@@ -120,19 +120,16 @@ def number_from_alpha5(text: str) -> int:
     columns = text.strip()
     # sgp4's decoder takes I, O and lower case as letters too: it would follow another object.
     if not _ALPHA5.fullmatch(columns):
-        raise ValueError(
-            f"catalogue number {text!r} is neither digits nor Alpha-5 (a letter except I and O, four digits)"
-        )
-    number: int = from_alpha5(columns)
-    return number
+        form = "neither digits nor Alpha-5 (a letter except I and O, four digits)"
+        raise ValueError(f"catalogue number {text!r} is {form}")
+    return int(from_alpha5(columns))
 
 
 def alpha5_from_number(number: int) -> str:
     """Return the five columns of a catalogue number in [0, 339999]; ValueError for another."""
     if not 0 <= number <= _LARGEST_ALPHA5:
         raise ValueError(f"catalogue_number={number} must be in [0, {_LARGEST_ALPHA5}] to fit a TLE; use OMM")
-    columns: str = to_alpha5(number)
-    return columns
+    return str(to_alpha5(number))
 
 
 def _of_lines(first: tuple[int, str], second: tuple[int, str], name: str) -> Elements:
@@ -174,7 +171,9 @@ def checksum(line: str) -> int:
 
 
 def _check_line(line: str, kind: str, number: int, bare: str | None) -> None:
-    if len(line) < _LENGTH and bare is None:
+    # One column too many: the checksum of a shifted line is right one time in ten.
+    shifted = len(line) > _LENGTH and not line[_LENGTH].isspace()
+    if bare is None and (len(line) < _LENGTH or shifted):
         raise ValueError(f"line {number}: TLE line has {len(line)} columns, must have {_LENGTH}: {line!r}")
     if not line[:_LENGTH].isascii() or line[0] != kind or line[1] != " ":
         raise ValueError(f"line {number}: expected line {kind} of a TLE, found {line[:24]!r}")
@@ -182,33 +181,27 @@ def _check_line(line: str, kind: str, number: int, bare: str | None) -> None:
         if not re.fullmatch(bare, line):
             raise ValueError(f"line {number}: TLE line without a checksum has its columns misplaced: {line!r}")
         return
-    # One column too many: the checksum of a shifted line is right one time in ten.
-    if not line[_LENGTH : _LENGTH + 1].isspace() and len(line) > _LENGTH:
-        raise ValueError(f"line {number}: TLE line has {len(line)} columns, must have {_LENGTH}: {line!r}")
     stated, counted = line[_LENGTH - 1], checksum(line)
     if stated != str(counted):
         raise ValueError(f"line {number}: checksum of object {line[2:7]} is {counted}, the line states {stated}")
 
 
 def _elements(line1: str, line2: str, name: str) -> Elements:
-    revolutions_per_day = 2.0 * math.pi / DAY_S
+    per_day = 2.0 * math.pi / DAY_S
     if line1[62] == SGP4_XP:
         raise ValueError("ephemeris type 4 is SGP4-XP, another theory than SGP4")
     catalogue_number = number_from_alpha5(line1[2:7])
+    epoch_t_s = _read_epoch(line1[18:20], line1[20:32])
+    half_dot = _number("mean motion derivative", line1[33:43], -1.0, 1.0)
+    sixth_ddot = _read_exponent("second derivative", line1[44:52])
     return Elements(
         name=name_of(name) or str(catalogue_number),
         catalogue_number=catalogue_number,
         classification=line1[7].strip() or "U",
         international_designator=_read_designator(line1[9:17].strip()),
-        epoch_t_s=_read_epoch(line1[18:20], line1[20:32]),
-        mean_motion_dot_rad_s2=2.0
-        * _number("mean motion derivative", line1[33:43], -1.0, 1.0)
-        * revolutions_per_day
-        / DAY_S,
-        mean_motion_ddot_rad_s3=6.0
-        * _read_exponent("second derivative", line1[44:52])
-        * revolutions_per_day
-        / DAY_S**2,
+        epoch_t_s=epoch_t_s,
+        mean_motion_dot_rad_s2=2.0 * half_dot * per_day / DAY_S,
+        mean_motion_ddot_rad_s3=6.0 * sixth_ddot * per_day / DAY_S**2,
         drag_per_earth_radius=_read_exponent("B*", line1[53:61]),
         element_set_number=int(line1[64:68].strip() or 0),
         inclination_rad=math.radians(_number("inclination", line2[8:16], 0.0, 180.0)),
@@ -216,7 +209,7 @@ def _elements(line1: str, line2: str, name: str) -> Elements:
         eccentricity=_number("eccentricity", "0." + line2[26:33].replace(" ", "0")),
         argument_of_perigee_rad=math.radians(_number("argument of perigee", line2[34:42], *_TURN_DEG)),
         mean_anomaly_rad=math.radians(_number("mean anomaly", line2[43:51], *_TURN_DEG)),
-        mean_motion_rad_s=_number("mean motion", line2[52:63], *MEAN_MOTIONS) * revolutions_per_day,
+        mean_motion_rad_s=_number("mean motion", line2[52:63], *MEAN_MOTIONS) * per_day,
         revolution_number=int(line2[63:68].strip() or 0),
     )
 
@@ -233,10 +226,10 @@ def _number(what: str, columns: str, low: float = -math.inf, high: float = math.
 
 def _read_exponent(what: str, columns: str) -> float:
     """Return a number with assumed decimal point, as ' 28098-4' for 0.28098e-4; blank is zero."""
+    if not columns.strip():
+        return 0.0
     match = _EXPONENT.fullmatch(columns)
     if not match:
-        if not columns.strip():
-            return 0.0
         raise ValueError(f"{what} {columns!r} must be five digits and an exponent")
     sign, digits, exponent_sign, exponent = match.groups()
     return float(f"{sign}0.{digits}e{exponent_sign}{exponent}")
@@ -289,8 +282,7 @@ def tle_lines(elements: Elements) -> tuple[str, str]:
 
 def _write_degrees(angle_rad: float) -> str:
     # Rounded first: 359.99999 would be printed as 360.0000, outside the columns' range.
-    degrees = round(math.degrees(angle_rad) % 360.0, 4) % 360.0
-    return f"{degrees:8.4f}"
+    return f"{round(math.degrees(angle_rad) % 360.0, 4) % 360.0:8.4f}"
 
 
 def _write_epoch(t_s: float) -> str:

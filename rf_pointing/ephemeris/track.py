@@ -75,19 +75,13 @@ class TopocentricTrack:
     """
 
     def __init__(
-        self,
-        target: Elements | TargetSource,
-        site: Site,
-        *,
+        self, target: Elements | TargetSource, site: Site, *,
         refraction: RadioRefraction | Literal["standard"] | None = "standard",
-        max_age_s: float = 14.0 * DAY_S,
-        hold_t_s: float | None = None,
-        light_time: str = "receive",
-        orientation: EarthOrientationSource | None = None,
-        antenna: SatelliteAntennaParams | None = None,
-        learned: LearnedAhead | None = None,
+        max_age_s: float = 14.0 * DAY_S, hold_t_s: float | None = None,
+        light_time: str = "receive", orientation: EarthOrientationSource | None = None,
+        antenna: SatelliteAntennaParams | None = None, learned: LearnedAhead | None = None,
         **offsets: float,
-    ) -> None:
+    ) -> None:  # fmt: skip
         self.offsets = TargetOffsets(**offsets)
         require_choice("light_time", light_time, SENSES)
         if hold_t_s is not None:
@@ -98,32 +92,23 @@ class TopocentricTrack:
         self.name, self._offsets_text = target.name, self.offsets.offsets_text
         self.site = site
         self.refraction = RadioRefraction.standard(site.altitude_m) if refraction == "standard" else refraction
-        self.hold_t_s = hold_t_s
-        self.light_time = light_time
+        self.hold_t_s, self.light_time = hold_t_s, light_time
         self.antenna, self.learned = antenna or SatelliteAntennaParams(), learned
         self._antenna = _inertial_motion_of(site, target.rotation_rate_rad_s)
         self._antenna_rows = StateVector(*(np.reshape(v, (3, 1)) for v in self._antenna.derivatives()))
 
     def with_offsets(
-        self,
-        *,
-        hold_t_s: float | None = None,
+        self, *, hold_t_s: float | None = None, antenna: SatelliteAntennaParams | None = None,
         refraction: RadioRefraction | Literal["same"] | None = "same",
-        antenna: SatelliteAntennaParams | None = None,
-        learned: LearnedAhead | Literal["same"] | None = "same",
-        **offsets: Any,
-    ) -> "TopocentricTrack":
+        learned: LearnedAhead | Literal["same"] | None = "same", **offsets: Any,
+    ) -> "TopocentricTrack":  # fmt: skip
         """Return the same track with what is given instead; this one stays."""
         return TopocentricTrack(
-            self.target,
-            self.site,
-            hold_t_s=hold_t_s,
+            self.target, self.site, hold_t_s=hold_t_s, light_time=self.light_time,
             refraction=self.refraction if refraction == "same" else refraction,
-            light_time=self.light_time,
             antenna=antenna or self.antenna,
-            learned=self.learned if learned == "same" else learned,
-            **offsets,
-        )
+            learned=self.learned if learned == "same" else learned, **offsets,
+        )  # fmt: skip
 
     def target_at(self, t_s: float, *, near_azimuth_rad: float = math.pi) -> Target:
         """Return the apparent direction at UTC `t_s`, its azimuth nearest to `near_azimuth_rad`.
@@ -216,12 +201,10 @@ class TopocentricTrack:
         if self.refraction is not None:
             elevation, rate, acceleration = self.refraction.apply_with_rates(true, rate, acceleration)
         rates = {
-            "azimuth_rate_rad_s": azimuth_rate,
-            "elevation_rate_rad_s": rate,
+            "azimuth_rate_rad_s": azimuth_rate, "elevation_rate_rad_s": rate,
             "azimuth_acceleration_rad_s2": azimuth_acceleration,
-            "elevation_acceleration_rad_s2": acceleration,
-            "range_rate_m_s": range_rate_m_s,
-        }
+            "elevation_acceleration_rad_s2": acceleration, "range_rate_m_s": range_rate_m_s,
+        }  # fmt: skip
         if self.hold_t_s is not None:
             rates = dict.fromkeys(rates, still)
         right, up = self.offsets.on_axes_rad
@@ -235,8 +218,7 @@ class TopocentricTrack:
         """Return the gain of the satellite's antenna towards the site, in dB against its axis."""
         if self.antenna.half_power_beamwidth_rad == 0.0 or self.target.at_infinity:
             return 0.0
-        motion = self.motion_at(t_s)
-        return self.antenna.gain_db(motion, self.site.position_m)
+        return self.antenna.gain_db(self.motion_at(t_s), self.site.position_m)
 
 
 def _inertial_motion_of(site: Site, rate_rad_s: float) -> StateVector:

@@ -90,13 +90,13 @@ def sky_uncertainty(track: TopocentricTrack, t_s: float, model: ElementUncertain
     motion = np.array([dot(axis, seen.velocity) for axis in on_sky])
     along = motion / max(float(np.linalg.norm(motion)), 1e-12)
     across = np.array([along[1], -along[0]])
+    variances = (float(way @ covariance @ way) for way in (along, across))
+    along_rad, across_rad = (math.sqrt(max(each, 0.0)) for each in variances)
+    along_s = math.sqrt(covariance_m2[0, 0]) / speed_m_s
     return SkyUncertainty(
-        age_s=age_s,
-        along_track_rad=math.sqrt(max(float(along @ covariance @ along), 0.0)),
-        cross_track_rad=math.sqrt(max(float(across @ covariance @ across), 0.0)),
-        along_track_s=math.sqrt(covariance_m2[0, 0]) / speed_m_s,
+        age_s=age_s, along_track_rad=along_rad, cross_track_rad=across_rad, along_track_s=along_s,
         covariance_rad2=covariance,
-    )
+    )  # fmt: skip
 
 
 def place_uncertainty(track: TopocentricTrack, t_s: float, covariance_m2: Array, age_s: float) -> SkyUncertainty:
@@ -112,12 +112,11 @@ def place_uncertainty(track: TopocentricTrack, t_s: float, covariance_m2: Array,
     across = np.array([along[1], -along[0]])
     along_rad = float(np.sqrt(along @ covariance @ along))
     return SkyUncertainty(
-        age_s=age_s,
-        along_track_rad=along_rad,
+        age_s=age_s, along_track_rad=along_rad,
         cross_track_rad=float(np.sqrt(across @ covariance @ across)),
         along_track_s=min(along_rad * float(range_m) / speed, LEAST_KNOWN_S) if speed else 0.0,
         covariance_rad2=covariance,
-    )
+    )  # fmt: skip
 
 
 def known_target(track: TopocentricTrack, t_s: float, model: ElementUncertainty) -> Target:

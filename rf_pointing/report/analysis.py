@@ -54,8 +54,7 @@ class Timeline:
     def mode_at(self, stamp_ns: IntArray) -> NDArray[np.str_]:
         """Return the mode at each stamp, "" before the first status."""
         # Before the first status nothing is known, not the mode of that status.
-        modes = self._held("mode", stamp_ns)
-        return np.where(stamp_ns < self.stamp_ns[0], "", modes)
+        return np.where(stamp_ns < self.stamp_ns[0], "", self._held("mode", stamp_ns))
 
     def beamwidth_rad_at(self, stamp_ns: IntArray) -> Array:
         """Return the half-power beamwidth at each stamp; NaN where the controller gave none."""
@@ -162,26 +161,21 @@ def statistics_of(error_rad: Array, beamwidth_rad: Array) -> ErrorStatistics:
     mean_power = reduced(np.mean, power)
     # Without a known beam nothing is inside or outside of it.
     inside = is_held(radial, beamwidth_rad)[np.isfinite(beamwidth_rad)]
+    across, up, away = map(_spread, (error_rad[:, 0], error_rad[:, 1], radial))
     return ErrorStatistics(
-        samples=len(radial),
-        cross_elevation=_spread(error_rad[:, 0]),
-        elevation=_spread(error_rad[:, 1]),
-        radial=_spread(radial),
+        len(radial), across, up, away,
         mean_loss_db=None if mean_power is None else float(pointing_loss_db(mean_power)),
         max_loss_db=reduced(np.max, pointing_loss_db(power)),
         inside_half_power_percent=100.0 * float(np.mean(inside)) if len(inside) else None,
-    )
+    )  # fmt: skip
 
 
 def _spread(error_rad: Array) -> Spread:
     if len(error_rad) == 0:
         return Spread()
     magnitude = np.abs(error_rad) / MDEG
-    return Spread(
-        rms_mdeg=float(np.sqrt(np.mean(np.square(magnitude)))),
-        p95_mdeg=float(np.percentile(magnitude, 95.0)),
-        max_mdeg=float(np.max(magnitude)),
-    )
+    rms = np.sqrt(np.mean(np.square(magnitude)))
+    return Spread(*map(float, (rms, np.percentile(magnitude, 95.0), np.max(magnitude))))
 
 
 # A tenth of a beamwidth costs 0.12 dB.
@@ -208,15 +202,8 @@ class Analysis:
 def analyse(recording: Recording) -> Analysis:
     """Return the analysis of `recording`."""
     modes = timeline(recording)
-    acquired_ns, acquisition = _acquisition(recording, modes)
-    return Analysis(
-        recording=recording,
-        modes=modes,
-        errors=error_series(recording, modes),
-        target_pass=tracked_pass(recording, modes),
-        acquired_ns=acquired_ns,
-        acquisition=acquisition,
-    )
+    errors, found = error_series(recording, modes), tracked_pass(recording, modes)
+    return Analysis(recording, modes, errors, found, *_acquisition(recording, modes, found))
 
 
 def tracked_pass(recording: Recording, modes: Timeline | None) -> Pass | None:
@@ -233,14 +220,19 @@ def tracked_pass(recording: Recording, modes: Timeline | None) -> Pass | None:
     return best if best is not None and overlap_ns(best) > 0 else None
 
 
-def _acquisition(recording: Recording, modes: Timeline | None) -> tuple[int | None, Acquisition]:
+def _acquisition(
+    recording: Recording, modes: Timeline | None, found: Pass | None
+) -> tuple[int | None, Acquisition]:  # fmt: skip
     """Return the stamp of the first settled sensor error, and the times from AOS.
 
     Settled: while a sensor closes the loop, the first of five successive valid errors below a tenth
     of a beamwidth.
     """
-    sensed = recording.get("pointing_error")
-    begin, name = _begin(recording, modes)
+    sensed, spans = recording.get("pointing_error"), modes.intervals() if modes is not None else []
+    begin = next((i.start_ns for i in spans if i.mode in tracking_modes()), None)
+    name = "start of tracking" if found is None else "acquisition of signal"
+    if found is not None:
+        begin = found.aos_ns
     if sensed is None or sensed.stamp_ns is None or modes is None or begin is None:
         return None, Acquisition(measured_from=name)
     order = np.argsort(sensed.stamp_ns, kind="stable")
@@ -258,11 +250,3 @@ def _acquisition(recording: Recording, modes: Timeline | None) -> tuple[int | No
         settled_s=float(settled[0] - begin) * 1e-9 if len(settled) else None,
         settled_below_mdeg=float(limit[0] / MDEG) if len(limit) else None,
     )
-
-
-def _begin(recording: Recording, modes: Timeline | None) -> tuple[int | None, str]:
-    found = tracked_pass(recording, modes)
-    if found is not None:
-        return found.aos_ns, "acquisition of signal"
-    spans = modes.intervals() if modes is not None else []
-    return next((i.start_ns for i in spans if i.mode in tracking_modes()), None), "start of tracking"

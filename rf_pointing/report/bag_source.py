@@ -48,12 +48,8 @@ class BagSource:
 def open_bag(path: Path, stack: ExitStack, *, damaged: bool = False) -> BagSource:
     """Open the bag directory or file at `path`; `stack` closes it.
 
-    Of `damaged` MCAP files copies of what is intact are opened.
-
-    Raises
-    ------
-    ValueError
-        There is no recording at `path`, or none of it can be read.
+    Of `damaged` MCAP files copies of what is intact are opened.  ValueError where there is no
+    recording at `path`, or none of it can be read.
     """
     if not path.exists():
         raise ValueError(f"path={path} does not exist")

@@ -93,21 +93,9 @@ class BagResult:
 class BagWriter:
     """Context manager around one bag directory; not for several threads.
 
-    Parameters
-    ----------
-    path
-        Bag directory; must not exist.
-    definitions
-        Message types that may be registered.
-    notes
-        Free text by key for the bag's custom data (what was run); shown by `ros2 bag info`.
-
-    Raises
-    ------
-    ValueError
-        The directory exists already.
-    OSError
-        The directory cannot be made, or there is no room to begin a recording.
+    `definitions` are the message types that may be registered, `notes` free text by key for the
+    bag's custom data (what was run), which `ros2 bag info` shows.  ValueError for a directory that
+    exists; OSError where it cannot be made, or without room to begin a recording.
     """
 
     def __init__(self, path: Path | str, definitions: Definitions, *, notes: Mapping[str, str] | None = None) -> None:
@@ -142,10 +130,7 @@ class BagWriter:
     def register(self, topic: str, type_name: str, qos: Sequence[Qos] = ()) -> None:
         """Announce `topic` of `type_name` with the profiles its publishers offer.
 
-        Raises
-        ------
-        ValueError
-            The topic is registered already, or its type is not defined.
+        ValueError for a topic that is registered already, or whose type is not defined.
         """
         if topic in self._connections or topic in self._late:
             raise ValueError(f"topic={topic!r} is registered already")
@@ -161,12 +146,8 @@ class BagWriter:
     def write(self, topic: str, log_time_ns: int, data: bytes | memoryview, at_ns: int = 0) -> None:
         """Append one serialized message; after a disk problem it is counted as lost instead.
 
-        Its publish time is `at_ns`, or the log time.
-
-        Raises
-        ------
-        ValueError
-            The topic was not registered, or the bag is closed.
+        Its publish time is `at_ns`, or the log time.  ValueError for a topic that was not
+        registered, and for a bag that is closed.
         """
         if self._result is not None:
             raise ValueError(f"path={self.path} is closed")
@@ -249,10 +230,7 @@ class BagWriter:
         return BagResult(self.path, counts, lost, problem)
 
     def _losses(self, counts: Mapping[str, int]) -> list[TopicLoss]:
-        losses = []
-        for topic in (*self._connections, *sorted(self._late)):
-            # Accepted is not written: the last chunk may have been lost with everything in it.
-            missing = self._accepted[topic][counts.get(topic, 0) :] + self._rejected[topic]
-            if missing:
-                losses.append(TopicLoss(topic=topic, count=len(missing), first_log_time_ns=missing[0]))
-        return losses
+        topics = (*self._connections, *sorted(self._late))
+        # Accepted is not written: the last chunk may have been lost with everything in it.
+        missing = ((t, self._accepted[t][counts.get(t, 0) :] + self._rejected[t]) for t in topics)
+        return [TopicLoss(topic, len(times), times[0]) for topic, times in missing if times]

@@ -7,13 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.calibration import (
-    FitResult,
-    Observations,
-    SectorRule,
-    StageReport,
-    warnings_of,
-)
+from rf_pointing.calibration import FitResult, Observations, SectorRule, StageReport, warnings_of
 from rf_pointing.calibration.coverage import on_the_sky
 from rf_pointing.calibration.terms import ALL_TERMS
 from rf_pointing.core import MDEG
@@ -30,15 +24,9 @@ _UNITS = {"rad": ("mdeg", 1.0 / MDEG), "s": ("ms", 1e3), "s^2": ("10⁻³ s²", 
 
 
 def write_calibration_report(
-    folder: Path | str,
-    points: Observations,
-    fit: FitResult,
-    *,
-    name: str,
-    stages: Sequence[StageReport] = (),
-    notes: Sequence[str] = (),
-    remarks: Sequence[str] = (),
-) -> Path:
+    folder: Path | str, points: Observations, fit: FitResult, *, name: str,
+    stages: Sequence[StageReport] = (), notes: Sequence[str] = (), remarks: Sequence[str] = (),
+) -> Path:  # fmt: skip
     """Write `report.html` and its pictures into `folder`, and return the file.
 
     `points` are the observations of `fit`, in the same order; `stages` are the reports of the
@@ -46,9 +34,8 @@ def write_calibration_report(
     """
     if len(points) != len(fit.used):
         raise ValueError(f"points={len(points)} must be the {len(fit.used)} observations of the fit")
-    place = Path(folder)
+    place, rule = Path(folder), SectorRule()
     place.mkdir(parents=True, exist_ok=True)
-    rule = SectorRule()
     coverage = rule.coverage(*points.sky_rad())
     warnings = [*notes, *warnings_of(fit, points), *fit.separation_advice()]
     if coverage.thin:
@@ -59,28 +46,23 @@ def write_calibration_report(
     draw_residuals(points, fit, place / "residuals.png")
     draw_histogram(points, fit, place / "histogram.png")
     draw_correlation(fit, place / "correlation.png")
-    page = render(
-        "calibration.html",
-        title=f"Pointing model {name}",
-        folder=place,
-        fit=fit,
-        first_utc=to_utc_text(fit.first_t_s),
-        last_utc=to_utc_text(fit.last_t_s),
+    return _written(
+        place, "calibration.html", title=f"Pointing model {name}", fit=fit,
+        first_utc=to_utc_text(fit.first_t_s), last_utc=to_utc_text(fit.last_t_s),
         rms_before_mdeg=np.sqrt(np.mean(_before(points)[:, fit.used] ** 2, axis=1)) / MDEG,
-        rms_after_mdeg=np.array(fit.rms_rad()) / MDEG,
-        sectors=rule.count,
-        filled=rule.count - len(coverage.thin),
-        remarks=remarks,
-        warnings=warnings,
-        coefficients=_coefficients(fit),
+        rms_after_mdeg=np.array(fit.rms_rad()) / MDEG, sectors=rule.count,
+        filled=rule.count - len(coverage.thin), remarks=remarks, warnings=warnings,
+        coefficients=_coefficients(fit), pass_errors=_pass_errors(fit),
         stages=[
             (i.stage, i.before, i.after, ", ".join(f"{n} {why}" for why, n in i.dropped.items() if n), i.note)
             for i in stages
         ],
-        pass_errors=_pass_errors(fit),
         rejected=[(str(one.row), str(one.pass_id), one.reason) for one in fit.rejected],
-    )
-    write_whole(place / "report.html", page)
+    )  # fmt: skip
+
+
+def _written(place: Path, template: str, **values: Any) -> Path:
+    write_whole(place / "report.html", render(template, folder=place, **values))
     return place / "report.html"
 
 
@@ -96,20 +78,12 @@ def write_campaign_report(folder: Path | str, points: Observations | None, why: 
         filled = rule.count - len(rule.coverage(*points.sky_rad()).thin)
         passes, times = len(points.passes), (float(np.min(points.t_s)), float(np.max(points.t_s)))
         draw_coverage(points, np.ones(len(points), dtype=bool), rule, place / "coverage.png")
-    page = render(
-        "campaign.html",
-        title="Campaign without a model",
-        folder=place,
-        points=points,
+    return _written(
+        place, "campaign.html", title="Campaign without a model", points=points,
         why=[*why] or ["it was broken off before its first pass had ended"],
-        first_utc=to_utc_text(times[0]),
-        last_utc=to_utc_text(times[1]),
-        passes=passes,
-        sectors=rule.count,
-        filled=filled,
-    )
-    write_whole(place / "report.html", page)
-    return place / "report.html"
+        first_utc=to_utc_text(times[0]), last_utc=to_utc_text(times[1]), passes=passes,
+        sectors=rule.count, filled=filled,
+    )  # fmt: skip
 
 
 def _coefficients(fit: FitResult) -> list[Sequence[Cell]]:
@@ -193,9 +167,8 @@ def draw_histogram(points: Observations, fit: FitResult, path: Path) -> None:
             used = values[:, fit.used] / MDEG
             edges = np.linspace(float(used.min()), float(used.max()), 41)
             for axis, label in enumerate(AXIS_NAMES if axes is left else ("_", "_")):
-                colour = AXIS_COLOURS[axis]
-                filled = {"histtype": "stepfilled", "alpha": 0.45}
-                axes.hist(used[axis], edges, color=colour, label=label, **filled)
+                filled = {"histtype": "stepfilled", "alpha": 0.45, "color": AXIS_COLOURS[axis]}
+                axes.hist(used[axis], edges, label=label, **filled)
             axes.set(xlabel=f"{name}, mdeg on the sky", ylabel="observations")
         _normal(right, _after(fit)[:, fit.used] / MDEG)
         legend_above(left)

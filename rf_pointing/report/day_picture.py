@@ -39,10 +39,8 @@ def draw_day(plan: DayPlan, station: str, mask: HorizonMask, path: Path) -> None
     colours = {p: COLOURS[min(k, len(COLOURS) - 1)] for k, p in enumerate(priorities)}
     begin, end = (datetime.fromtimestamp(plan.start_t_s + s, UTC) for s in (0.0, plan.duration_s))
     with figure(path, 15.0, max(6.0, 1.6 + ROW_IN * (len(rows) + 1))) as drawn:
-        drawn.suptitle(
-            f"{station}, {begin:%Y-%m-%d %H:%M} to {end:%Y-%m-%d %H:%M} UTC: "
-            f"{len(tracked)} of {len(plan.passes)} passes tracked"
-        )
+        when = f"{begin:%Y-%m-%d %H:%M} to {end:%Y-%m-%d %H:%M} UTC"
+        drawn.suptitle(f"{station}, {when}: {len(tracked)} of {len(plan.passes)} passes tracked")
         lines, sky = drawn.subplots(1, 2, width_ratios=[1.75, 1.0])
         position = sky.get_subplotspec()
         sky.remove()
@@ -83,9 +81,7 @@ def draw_network(days: Mapping[str, DayPlan], path: Path) -> None:
             label.set_fontweight("bold")
         axes.axhline(len(days) - 0.5, color="#888888", lw=0.7)
         axes.set_ylim(len(names) - 0.4, -0.6)
-        axes.set_xlim(0.0, first.duration_s / 3600.0)
         _clock_axis(axes, first)
-        axes.grid(axis="y", visible=False)
         left = "" if len(targets) == len(contact_s) else f", {len(targets)} of {len(contact_s)} targets"
         axes.set_title(f"Contacts of {len(days)} stations{left}; grey: seen, not tracked", fontsize=9.0, loc="left")
 
@@ -116,9 +112,9 @@ def _draw_lines(axes: Any, plan: DayPlan, rows: Sequence[str], colours: dict[int
         if item.fate is Fate.TRACKED:
             bars.setdefault((colour, colour, 0.75), []).append((0.0, begin, width))
         if number in place:
-            names[number] = (
-                f"{item.window.name:.22} ({item.priority})" if len(colours) > 1 else f"{item.window.name:.26}"
-            )
+            alone = len(colours) == 1
+            name = item.window.name
+            names[number] = f"{name:.26}" if alone else f"{name:.22} ({item.priority})"
             bars.setdefault(_look(item, colour), []).append((float(place[number]), begin, width))
     for (face, edge, height), group in bars.items():
         y, left, widths = np.array(group).T
@@ -127,26 +123,19 @@ def _draw_lines(axes: Any, plan: DayPlan, rows: Sequence[str], colours: dict[int
     axes.get_yticklabels()[0].set_fontweight("bold")
     axes.axhline(0.5, color="#888888", lw=0.7)
     axes.set_ylim(max(len(rows), FEWEST_ROWS) + 0.6, -0.6)
-    axes.set_xlim(0.0, plan.duration_s / 3600.0)
     _clock_axis(axes, plan)
-    axes.grid(axis="y", visible=False)
     from matplotlib.patches import Patch
 
-    keys = [
-        Patch(color=c, label=f"tracked, priority {p}" if len(colours) > 1 else "tracked") for p, c in colours.items()
-    ]
-    keys = keys[: len(COLOURS)]
+    labels = {p: f"tracked, priority {p}" if len(colours) > 1 else "tracked" for p in colours}
+    keys = [Patch(color=colours[p], label=label) for p, label in labels.items()][: len(COLOURS)]
     keys += [Patch(color=YIELDS_COLOUR, label="yields"), Patch(fc="white", ec=BARRED_COLOUR, label="barred")]
     # Below the hours and their name.
     below = {"loc": "upper left", "bbox_to_anchor": (0.0, 0.0), "borderaxespad": 4.0}
     axes.legend(handles=keys, ncols=len(keys), **below)
     total = len({item.window.label for item in plan.passes})
     if total > len(rows):
-        axes.set_title(
-            f"{len(rows)} of {total} satellites: highest priority, then most tracked time. "
-            "The top line has all tracked passes.",
-            fontsize=9.0, loc="left",
-        )  # fmt: skip
+        some = f"{len(rows)} of {total} satellites: highest priority, then most tracked time."
+        axes.set_title(f"{some} The top line has all tracked passes.", fontsize=9.0, loc="left")
 
 
 def _look(item: DayPass, colour: str) -> tuple[str, Any, float]:
@@ -159,13 +148,14 @@ def _look(item: DayPass, colour: str) -> tuple[str, Any, float]:
 def _clock_axis(axes: Any, plan: DayPlan) -> None:
     """Write whole hours of UTC below the axis, with the date where a day begins."""
     hours = plan.duration_s / 3600.0
+    axes.set_xlim(0.0, hours)
+    axes.grid(axis="y", visible=False)
     step = next((s for s in (0.25, 0.5, 1, 2, 3, 6, 12, 24, 48) if hours / s <= 12.0), 96) * 3600.0
     first = math.ceil(plan.start_t_s / step) * step
     ticks = np.arange(first, plan.start_t_s + plan.duration_s + 1.0, step)
     stamps = [datetime.fromtimestamp(float(t_s), UTC) for t_s in ticks]
-    labels = [
-        f"{s:%H:%M}\n{s:%d %b}" if s.hour + s.minute == 0 or k == 0 else f"{s:%H:%M}" for k, s in enumerate(stamps)
-    ]
+    dated = [k == 0 or s.hour + s.minute == 0 for k, s in enumerate(stamps)]
+    labels = [f"{s:%H:%M}\n{s:%d %b}" if d else f"{s:%H:%M}" for s, d in zip(stamps, dated, strict=True)]
     axes.set_xticks((ticks - plan.start_t_s) / 3600.0, labels)
 
 

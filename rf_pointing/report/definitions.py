@@ -54,15 +54,8 @@ class Definitions:
 def definitions(*folders: Path | str) -> Definitions:
     """Return the types of Jazzy and of the interface packages in `folders`.
 
-    Parameters
-    ----------
-    folders
-        Folders with `package.xml` and `msg/*.msg`: a source or an installed `share/<package>`.
-
-    Raises
-    ------
-    ValueError
-        A folder holds no interface package, or a `.msg` file cannot be parsed.
+    Each holds `package.xml` and `msg/*.msg`: a source or an installed `share/<package>`; ValueError
+    for one that does not, and for a `.msg` file that cannot be parsed.
     """
     texts = {name: text for folder in folders for name, text in _package_texts(Path(folder)).items()}
     typestore = get_typestore(Stores.ROS2_JAZZY)
@@ -89,16 +82,14 @@ _INFINITE = QosTime(9223372036, 854775807)
 def qos_from_profile(profile: Any) -> Qos:
     """Return the offered profile of a QoS profile of rclpy, read by the names of its attributes."""
     return Qos(
-        history=QosHistory[profile.history.name],
-        depth=profile.depth,
+        history=QosHistory[profile.history.name], depth=profile.depth,
         reliability=QosReliability[profile.reliability.name],
         durability=QosDurability[profile.durability.name],
         deadline=_duration(profile.deadline.nanoseconds),
         lifespan=_duration(profile.lifespan.nanoseconds),
-        liveliness=QosLiveliness.AUTOMATIC,
-        liveliness_lease_duration=_INFINITE,
+        liveliness=QosLiveliness.AUTOMATIC, liveliness_lease_duration=_INFINITE,
         avoid_ros_namespace_conventions=False,
-    )
+    )  # fmt: skip
 
 
 def _duration(nanoseconds: int) -> QosTime:

@@ -13,13 +13,14 @@ below zero where its cause undoes another.  `api/ledger.py` flies the passes.
 import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from rf_pointing.core import MDEG, Mode
+from rf_pointing.core import MDEG, Mode, require_choice
 from rf_pointing.core.pass_outcome import pointing_loss_db, received_power
 from rf_pointing.core.types import Array
 from rf_pointing.core.whole_file import DATA_BYTES, parse_json, read_whole
@@ -76,10 +77,9 @@ class Ledger:
 
     def cause(self, name: str) -> Cause:
         """Return a row by its name, ValueError for another."""
-        for each in self.causes:
-            if each.name == name:
-                return each
-        raise ValueError(f"cause={name!r} must be one of {', '.join(e.name for e in self.causes)}")
+        rows = {each.name: each for each in self.causes}
+        require_choice("cause", name, rows)
+        return rows[name]
 
     @property
     def largest(self) -> Cause:
@@ -107,10 +107,7 @@ class Ledger:
 
     def values(self) -> dict[str, Any]:
         """Return everything as plain values; `read` makes the same of them."""
-        return {
-            **{name: getattr(self, name) for name in self.__dataclass_fields__},
-            "causes": [vars(each) for each in self.causes], "remarks": list(self.remarks),
-        }  # fmt: skip
+        return asdict(self) | {"causes": [*map(asdict, self.causes)], "remarks": list(self.remarks)}
 
     def write(self, folder: str | Path) -> list[Path]:
         """Write the table and the bar into a folder, where `report` finds them."""
@@ -195,11 +192,8 @@ def shorts(folder: Path, names: Sequence[str]) -> Mapping[str, str]:
     """Return the largest causes of passes by name, of those whose folder has a ledger."""
     found = {}
     for name in names:
-        try:
-            ledger = Ledger.read(folder / name)
-        except (ValueError, OSError):
-            # A report in the morning is worth more than one file of it.
-            continue
-        if ledger is not None:
-            found[name] = ledger.short
+        # A report in the morning is worth more than one file of it.
+        with suppress(ValueError, OSError):
+            if (ledger := Ledger.read(folder / name)) is not None:
+                found[name] = ledger.short
     return found

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from rf_pointing.core import AXES, require_choice
 from rf_pointing.core.whole_file import write_whole
-from rf_pointing.report.recording import Recording
+from rf_pointing.report.recording import Pass, Recording
 from rf_pointing.report.topics import TOPICS, TopicData
 
 Columns = dict[str, NDArray[Any]]
@@ -117,12 +117,8 @@ def export_recording(recording: Recording, folder: Path, kind: str) -> list[Path
     """Write every topic of a recording in one of `FORMATS`; return the files.
 
     CSV and Parquet are a file for each topic in `folder` and `dictionary.csv`; MATLAB is
-    `recording.mat` with a structure for each topic, and `dictionary`.
-
-    Raises
-    ------
-    ValueError
-        An unknown format, Parquet without pyarrow, or a recording without a topic to export.
+    `recording.mat` with a structure for each topic, and `dictionary`.  ValueError for an unknown
+    format, Parquet without pyarrow, and a recording without a topic to export.
     """
     require_choice("export", kind, FORMATS)
     if kind == "parquet":
@@ -153,15 +149,8 @@ def _columns(recording: Recording, topic: str) -> tuple[Columns, list[ColumnMean
     data = recording.get(topic)
     if data is None:
         raise ValueError(f"{recording.path} has no message of {topic}; it has {', '.join(exported_topics(recording))}")
-    values = (
-        _passes(recording)
-        if topic == "passes"
-        else _times(recording, data)
-        | _values(
-            data,
-            topic,
-        )
-    )
+    own = topic == "passes"
+    values = _passes(recording) if own else _times(recording, data) | _values(data, topic)
     rows = []
     for name in values:
         field_name, unit, meaning = _meaning(topic, name)
@@ -184,12 +173,12 @@ def _meaning(topic: str, column: str) -> tuple[str, str, str]:
 
 
 def _times(recording: Recording, data: TopicData) -> Columns:
-    first = min(
-        int(each.stamp_ns.min()) for each in recording.topics.values() if each.stamp_ns is not None and len(each)
-    )
-    unstamped = data.stamp_ns is None
-    stamps = np.full(len(data), -1) if data.stamp_ns is None else data.stamp_ns
-    since = data.log_time_ns - data.log_time_ns[0] if unstamped else stamps - first
+    known = [each.stamp_ns for each in recording.topics.values() if each.stamp_ns is not None]
+    if data.stamp_ns is None:
+        stamps, since = np.full(len(data), -1), data.log_time_ns - data.log_time_ns[0]
+    else:
+        stamps = data.stamp_ns
+        since = stamps - min(int(each.min()) for each in known if len(each))
     return {"stamp_ns": stamps, "log_time_ns": data.log_time_ns, "t_s": since * 1e-9}
 
 
@@ -209,13 +198,9 @@ def _values(data: TopicData, topic: str) -> Columns:
 
 def _passes(recording: Recording) -> Columns:
     """Return the announced passes, each once in its newest version."""
-    passes = recording.passes
-    return {
-        "target": np.array([each.target for each in passes]),
-        **{f"{name}_ns": np.array([getattr(each, f"{name}_ns") for each in passes]) for name in ("aos", "tca", "los")},
-        "peak_elevation_rad": np.array([each.peak_elevation_rad for each in passes]),
-        "stamp_ns": np.array([each.aos_ns for each in passes]),
-    }
+    names = [each.name for each in fields(Pass)]
+    columns = {name: np.array([getattr(each, name) for each in recording.passes]) for name in names}
+    return columns | {"stamp_ns": columns["aos_ns"]}
 
 
 def _file_name(topic: str) -> str:
@@ -234,9 +219,8 @@ def _pyarrow() -> Any:
     try:
         import pyarrow.parquet
     except ImportError:
-        raise ValueError(
-            "export=parquet needs the package pyarrow, which is not installed: pip install pyarrow"
-        ) from None
+        missing = "the package pyarrow, which is not installed: pip install pyarrow"
+        raise ValueError(f"export=parquet needs {missing}") from None
     return pyarrow
 
 
@@ -256,18 +240,14 @@ def _write_parquet(path: Path, columns: Columns, rows: list[ColumnMeaning]) -> N
 def _write_mat(path: Path, tables: Mapping[str, Columns], rows: list[ColumnMeaning]) -> Path:
     from scipy.io import savemat
 
-    content: dict[str, Any] = {
-        name: {key: _for_matlab(each) for key, each in one.items()} for name, one in tables.items()
-    }
-    content[DICTIONARY] = {
-        each.name: _for_matlab(np.array([getattr(row, each.name) for row in rows])) for each in fields(ColumnMeaning)
+    names = [each.name for each in fields(ColumnMeaning)]
+    described = {name: np.array([getattr(row, name) for row in rows]) for name in names}
+    # Texts as a cell array: a matrix of characters would pad them with blanks.
+    content = {
+        name: {key: one[key].astype(object) if one[key].dtype.kind == "U" else one[key] for key in one}
+        for name, one in {**tables, DICTIONARY: described}.items()
     }
     sink = io.BytesIO()
     savemat(sink, content, long_field_names=True, oned_as="column", do_compression=True)
     write_whole(path, sink.getvalue())
     return path
-
-
-def _for_matlab(column: NDArray[Any]) -> NDArray[Any]:
-    """Return texts as a cell array: a matrix of characters would pad them with blanks."""
-    return column.astype(object) if column.dtype.kind == "U" else column

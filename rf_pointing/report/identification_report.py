@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -9,14 +10,8 @@ import numpy as np
 
 from rf_pointing.core import MDEG
 from rf_pointing.identification import CrossCheck, Recording, ResponseStudy, StraightCheck, modes_of, save_models
-from rf_pointing.report.picture_style import (
-    ALONE_COLOUR,
-    AXIS_COLOURS,
-    DASHED,
-    LIMIT_COLOUR,
-    figure,
-    marked_level,
-)
+from rf_pointing.report import picture_style as style
+from rf_pointing.report.picture_style import AXIS_COLOURS, LIMIT_COLOUR, figure, marked_level
 from rf_pointing.station.antenna.tuning import AxisModel, TunedAxis, loop_curves
 
 LEAST_COHERENCE = 0.8
@@ -59,26 +54,17 @@ def _row(response: ResponseStudy) -> dict[str, Any]:
     checks = response.checks
     gains = [check.gain_factor for check in checks if isinstance(check, StraightCheck)]
     biases = [check.bias for check in checks if isinstance(check, CrossCheck)]
+    band_hz: tuple[float, float] | None = None
+    with suppress(ValueError):
+        band_hz = response.measured.valid_band_hz(LEAST_COHERENCE)
     return {
-        "driven": response.driven,
-        "shown": response.shown,
-        "held_out_sequences": len(checks),
-        "errors": [check.error for check in checks],
-        "worst_error": response.worst_error,
-        "gain_factor": max(gains) if gains else None,
-        "bias_rad_s": biases or None,
-        "valid_band_hz": _band(response),
+        "driven": response.driven, "shown": response.shown, "held_out_sequences": len(checks),
+        "errors": [check.error for check in checks], "worst_error": response.worst_error,
+        "gain_factor": max(gains) if gains else None, "bias_rad_s": biases or None,
+        "valid_band_hz": band_hz,
         "modes_hz": modes_of(response.identified.model).frequency_hz.tolist(),
-        "order": response.identified.model.order,
-        "condition": response.identified.condition,
-    }
-
-
-def _band(response: ResponseStudy) -> tuple[float, float] | None:
-    try:
-        return response.measured.valid_band_hz(LEAST_COHERENCE)
-    except ValueError:
-        return None
+        "order": response.identified.model.order, "condition": response.identified.condition,
+    }  # fmt: skip
 
 
 def draw_response(path: Path, response: ResponseStudy) -> None:
@@ -110,23 +96,21 @@ def draw_response(path: Path, response: ResponseStudy) -> None:
         strength = response.identified.hankel[:40] / response.identified.hankel[0]
         order = response.identified.model.order
         hankel.semilogy(np.arange(1, len(strength) + 1), strength, "o", ms=3.5, color=_MEASURED)
-        hankel.axvline(order + 0.5, color=LIMIT_COLOUR, lw=0.9, ls=DASHED)
+        hankel.axvline(order + 0.5, color=LIMIT_COLOUR, lw=0.9, ls=style.DASHED)
         hankel.annotate(f"order of the model: {order}", (order + 0.8, 0.3), color=LIMIT_COLOUR, fontsize=9.0)
         hankel.set(xlabel="number", ylabel="Hankel singular\nvalue, relative")
 
 
 def draw_loops(
-    path: Path,
-    rows: Sequence[tuple[TunedAxis, TunedAxis | None, AxisModel]],
-    wind_m_s: float,
+    path: Path, rows: Sequence[tuple[TunedAxis, TunedAxis | None, AxisModel]], wind_m_s: float,
     gusts: Mapping[str, float],
-) -> None:
+) -> None:  # fmt: skip
     """Save sensitivity, step and wind response of tuned axes and of their loops before as PNG."""
     with figure(path, 4.5 * len(rows) + 1.0, 9.0) as drawn:
         panels = drawn.subplots(3, len(rows), squeeze=False)
         for (sensitivity, step, wind), (tuned, before, axis) in zip(panels.T, rows, strict=True):
             unit = gusts.get(tuned.name, 1.0) / (MDEG if gusts else 1.0)
-            for one, colour, label in ((before, ALONE_COLOUR, "before"), (tuned, _MODEL, "tuned")):
+            for one, colour, label in ((before, style.ALONE_COLOUR, "before"), (tuned, _MODEL, "tuned")):
                 if one is None or not np.isfinite(one.worst_peak):
                     continue
                 shown = loop_curves(one.law, axis, wind_m_s)

@@ -54,17 +54,11 @@ class McapTail:
 def complete(path: Path) -> McapTail:
     """Cut `path` after its last intact chunk and write index and footer, in place.
 
-    Raises
-    ------
-    ValueError
-        The file does not begin as an MCAP file.
-    OSError
-        There is no room even for the index.
+    ValueError for a file that does not begin as an MCAP file, OSError without room for the index.
     """
     # In place: a disk that is full has no room for a repaired copy.
     with path.open("r+b") as file:
-        if file.read(len(_MAGIC)) != _MAGIC:
-            raise ValueError(f"{path} does not begin as an MCAP file")
+        _require_magic(file, path)
         tail = McapTail(usable_bytes=len(_MAGIC))
         pending = _scan(file, tail)
         tail.dropped_bytes = file.seek(0, 2) - tail.usable_bytes
@@ -79,28 +73,29 @@ def complete(path: Path) -> McapTail:
 def salvage(source: Path, target: Path) -> McapTail:
     """Write what is intact of a damaged file with an index to `target`; return what that holds.
 
-    Raises
-    ------
-    ValueError, struct.error
-        Begin or index of the file is damaged too.
+    ValueError or struct.error where begin or index of the file is damaged too.
     """
     with source.open("rb") as damaged, target.open("w+b") as file:
-        if damaged.read(len(_MAGIC)) != _MAGIC:
-            raise ValueError(f"{source} does not begin as an MCAP file")
+        _require_magic(damaged, source)
         header = next(_records(damaged))
         summary = list(_summary(damaged))
         file.write(_MAGIC)
         for opcode, _, content in (header, *summary):
             if opcode != _CHUNK_INDEX:
                 _write(file, opcode, content)
-        for content in (content for opcode, _, content in summary if opcode == _CHUNK_INDEX):
-            kept = _salvaged_chunk(damaged, content)
+        indexes = (index for opcode, _, index in summary if opcode == _CHUNK_INDEX)
+        for kept in (_salvaged_chunk(damaged, index) for index in indexes):
             start = file.tell()
             _write(file, _CHUNK, kept)
             chunk = _open_chunk(start, kept, McapTail())
             if chunk is not None:
                 _close_chunk(file, chunk)
     return complete(target)
+
+
+def _require_magic(file: BinaryIO, path: Path) -> None:
+    if file.read(len(_MAGIC)) != _MAGIC:
+        raise ValueError(f"{path} does not begin as an MCAP file")
 
 
 def publish_times(path: Path) -> dict[str, list[tuple[int, int]]]:
@@ -275,11 +270,8 @@ def _write_end(file: BinaryIO, tail: McapTail) -> None:
     _write(file, _DATA_END, bytes(4))
     # Readers need schemas and channels once more here, before the indexes that refer to them.
     summary_start = file.tell()
-    for opcode, records in (
-        (_SCHEMA, tail.schemas.values()),
-        (_CHANNEL, tail.channels.values()),
-        (_CHUNK_INDEX, tail.chunk_indexes),
-    ):
+    head = (_SCHEMA, tail.schemas.values()), (_CHANNEL, tail.channels.values())
+    for opcode, records in (*head, (_CHUNK_INDEX, tail.chunk_indexes)):
         for record in records:
             _write(file, opcode, record)
     counts = b"".join(struct.pack("<HQ", *item) for item in sorted(tail.counts.items()))

@@ -6,6 +6,7 @@ alarms; what the station ran on.  `index.html` lists the nights of a folder, and
 
 import json
 import math
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -27,7 +28,7 @@ BY_CHOICE = ("skipped", "yields")
 MOST_NIGHTS = 400
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class NightAlarm:
     """One alarm from its raise to its end; `until_t_s` is None while it lasts."""
 
@@ -77,12 +78,9 @@ class NightReport:
 
 
 def night_of(
-    state: Mapping[str, Any],
-    station: str,
-    *,
-    health: Mapping[str, Mapping[str, Any]] | None = None,
+    state: Mapping[str, Any], station: str, *, health: Mapping[str, Mapping[str, Any]] | None = None,
     ended_t_s: float | None = None,
-) -> NightReport:
+) -> NightReport:  # fmt: skip
     """Return the report of the kept state of a night."""
     priorities = {row["pass"]["id"]: row["pass"]["priority"] for row in state["schedule"]}
     rows = sorted(state["records"], key=lambda row: row["aos_t_s"])
@@ -117,9 +115,7 @@ def _alarms(history: Sequence[tuple[Any, ...]]) -> tuple[NightAlarm, ...]:
     for t_s, event, name, level, message in history:
         if event == "raised":
             open_[name] = len(found)
-            found.append(
-                NightAlarm(name=name, level=level, message=message, raised_t_s=t_s, until_t_s=None, acknowledged=False)
-            )
+            found.append(NightAlarm(name, level, message, t_s, None, False))
         elif name in open_:
             changes = {"cleared": {"until_t_s": t_s}, "acknowledged": {"acknowledged": True}, "worse": {"level": level}}
             found[open_[name]] = replace(found[open_[name]], **changes.get(event, {}))
@@ -133,22 +129,18 @@ def _to_do(
     """Return what an operator should do today, the most urgent first."""
     asks = {each["name"]: each["ask"] for each in kept}
     lasting = [each for each in alarms if each.until_t_s is None]
-    rows = [
-        f"{each.message}: {asks.get(each.name) or 'look into it'}" for each in sorted(lasting, key=lambda a: -a.level)
-    ]
+    lasting.sort(key=lambda each: -each.level)
+    rows = [f"{each.message}: {asks.get(each.name) or 'look into it'}" for each in lasting]
     old = sorted({each.name for each in passes if (each.element_age_h or 0.0) > STALE_H})
     if old and not any(each.name == "stale_elements" for each in lasting):
         rows.append(f"fetch newer elements of {_listed(old)}: older than {STALE_H:.0f} h")
-    again = {name: sum(each.name == name for each in alarms) for name in {each.name for each in alarms}}
-    rows += [
-        f"{name} came {count} times in the night: find out why" for name, count in sorted(again.items()) if count >= 3
-    ]
+    again = sorted(Counter(each.name for each in alarms).items())
+    rows += [f"{name} came {n} times in the night: find out why" for name, n in again if n >= 3]
     blameless = TRACKED, "weather", *BY_CHOICE
     lost = [each for each in passes if each.state not in blameless and not each.filler]
     if lost:
-        rows.append(
-            f"{len(lost)} passes were lost ({_listed([each.name for each in lost])}): plan them again if needed"
-        )
+        names = _listed([each.name for each in lost])
+        rows.append(f"{len(lost)} passes were lost ({names}): plan them again if needed")
     bare = [each for each in passes if each.state == TRACKED and not each.recorded]
     if bare:
         rows.append(f"{len(bare)} tracked passes were not recorded: free space on the disk")
@@ -168,8 +160,8 @@ def _listed(names: Sequence[str], most: int = 5) -> str:
 def write_night(report: NightReport, folder: Path) -> None:
     """Write night.html and night.json into `folder`."""
     causes = shorts(folder.parent / "passes", [each.id for each in report.passes if each.recorded])
-    values = asdict(report) | {"tracked": report.tracked, "held_share": report.held_share}
-    values["ledgers"] = causes
+    counted = {"tracked": report.tracked, "held_share": report.held_share, "ledgers": causes}
+    values = asdict(report) | counted
     write_whole(folder / "night.json", json.dumps(values, indent=1) + "\n")
     write_whole(folder / "night.html", page(report, causes))
     write_whole(folder.parent / "index.html", index_page(folder.parent))
@@ -200,13 +192,9 @@ def page(report: NightReport, causes: Mapping[str, str] | None = None) -> str:
     """Return the HTML text of a night; `causes` are those that cost a pass most, by its id."""
     ages = [each.element_age_h for each in report.passes if each.element_age_h is not None]
     return render(
-        "night.html",
-        title=f"Night of {report.station}",
-        night=report,
-        begun=_minute(report.begun_t_s),
-        ended=_minute(report.ended_t_s),
-        timeline=_timeline(report),
-        oldest_h=max(ages, default=None),
+        "night.html", title=f"Night of {report.station}", night=report,
+        begun=_minute(report.begun_t_s), ended=_minute(report.ended_t_s),
+        timeline=_timeline(report), oldest_h=max(ages, default=None),
         passes=[_row(each, causes) for each in report.passes if not each.filler],
         fillers=[
             {"name": name, "text": filler_text(each), "pieces": list(map(_row, each))}

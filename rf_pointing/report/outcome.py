@@ -41,20 +41,14 @@ def verdict(analysis: Analysis) -> Verdict:
     predicted, least_share = _predicted(analysis, found)
     flown = _flown(analysis, begin_ns, end_ns)
     judged = flown or counted
-    why = ""
-    if judged is not None:
-        # What ended the pass is its fault; one that was reset before it began is not.
-        fault = reason if any(reason in (text, OF_ANTENNA + text) for text in faults) else ""
-        why = judged.why_not_tracked(reason, fault, least_share)
+    # What ended the pass is its fault; one that was reset before it began is not.
+    fault = reason if any(reason in (text, OF_ANTENNA + text) for text in faults) else ""
+    why = "" if judged is None else judged.why_not_tracked(reason, fault, least_share)
     return Verdict(
-        tracked=None if judged is None else not why,
-        reason=why or LOSS_OF_SIGNAL,
+        tracked=None if judged is None else not why, reason=why or LOSS_OF_SIGNAL,
         source="true" if flown is not None else "counted" if counted is not None else None,
-        flown=_numbers(flown),
-        counted=_numbers(counted),
-        predicted=predicted,
-        faults=faults,
-    )
+        flown=_numbers(flown), counted=_numbers(counted), predicted=predicted, faults=faults,
+    )  # fmt: skip
 
 
 def judged_by_night(found: Verdict, path: Path) -> Verdict:
@@ -116,29 +110,19 @@ def _predicted(analysis: Analysis, found: Pass) -> tuple[OutcomeNumbers | None, 
     if data is None or data.stamp_ns is None:
         return None, LEAST_SHARE
     # The last certificate before the loss of signal is that of the goal which was tracked.
-    mine = np.flatnonzero(
-        (data["target"] == found.target) & (data["los"] > found.aos_ns) & (data["aos"] < found.los_ns)
-    )
+    overlap = (data["los"] > found.aos_ns) & (data["aos"] < found.los_ns)
+    mine = np.flatnonzero((data["target"] == found.target) & overlap)
     if len(mine) == 0 or not data["accepted"][mine[-1]]:
         return None, LEAST_SHARE
     row = int(mine[-1])
     left_s = (int(data["los"][row]) - max(int(data["aos"][row]), int(data.stamp_ns[row]))) * 1e-9
     lost_s = min(sum(float(data[name][row]) for name in ("lost", "late", "acquisition")), left_s)
-    predicted = OutcomeNumbers(
-        tracked_s=left_s - lost_s,
-        lost_s=lost_s,
-        held_percent=100.0 * (1.0 - lost_s / left_s),
-        mean_loss_db=float(data["mean_loss"][row]),
-    )
+    held_percent, loss_db = 100.0 * (1.0 - lost_s / left_s), float(data["mean_loss"][row])
+    predicted = OutcomeNumbers(left_s - lost_s, lost_s, held_percent, loss_db)
     return predicted, float(data["least_share"][row]) or LEAST_SHARE
 
 
-def _numbers(outcome: PassOutcome | None) -> OutcomeNumbers | None:
-    if outcome is None:
+def _numbers(of: PassOutcome | None) -> OutcomeNumbers | None:
+    if of is None:
         return None
-    return OutcomeNumbers(
-        tracked_s=outcome.tracked_s,
-        lost_s=outcome.lost_s,
-        held_percent=100.0 * outcome.share,
-        mean_loss_db=outcome.mean_loss_db,
-    )
+    return OutcomeNumbers(of.tracked_s, of.lost_s, 100.0 * of.share, of.mean_loss_db)

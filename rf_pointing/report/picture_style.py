@@ -19,12 +19,9 @@ from rf_pointing.tracking.sensors import SENSORS
 
 # Colours that the colour-blind can distinguish (Okabe and Ito).
 MODE_COLOURS: dict[str, str] = {
-    Mode.PROGRAM_TRACK: "#e69f00",
-    Mode.SEARCH: "#cc79a7",
-    Mode.COAST: "#d55e00",
-    Mode.SLEW: "#56b4e9",
-    Mode.IDLE: "#b0b4b8",
-}
+    Mode.PROGRAM_TRACK: "#e69f00", Mode.SEARCH: "#cc79a7", Mode.COAST: "#d55e00",
+    Mode.SLEW: "#56b4e9", Mode.IDLE: "#b0b4b8",
+}  # fmt: skip
 """Colour by mode of the controller; that of a sensor's own mode is one of the sensor's traits."""
 OTHER_MODE_COLOUR = "#4a4a4a"
 """Colour of the modes without one of their own."""
@@ -36,19 +33,11 @@ LIMIT_COLOUR = "#333333"
 DASHED = (0, (5, 3))
 """Line style of limits."""
 _STYLE: Any = {
-    "font.family": "DejaVu Sans",
-    "font.size": 10.0,
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "axes.edgecolor": "#888888",
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "grid.color": "#e3e3e3",
-    "grid.linewidth": 0.7,
-    "legend.frameon": False,
-    "legend.fontsize": 9.0,
-    "lines.linewidth": 1.2,
-}
+    "font.family": "DejaVu Sans", "font.size": 10.0, "axes.grid": True, "axes.axisbelow": True,
+    "axes.edgecolor": "#888888", "axes.spines.top": False, "axes.spines.right": False,
+    "grid.color": "#e3e3e3", "grid.linewidth": 0.7, "legend.frameon": False,
+    "legend.fontsize": 9.0, "lines.linewidth": 1.2,
+}  # fmt: skip
 
 
 def mode_colour(mode: str) -> str:
@@ -90,9 +79,8 @@ def draw_hills(axes: Any, mask: HorizonMask) -> None:
     """Draw the horizon mask grey into a sky."""
     around = np.radians(np.arange(0.0, 360.5, 0.5))
     hills = np.degrees(mask.lowest_all(around))
-    axes.fill_between(
-        around, 90.0 - np.clip(hills, 0.0, 90.0), 90.0, where=hills > 0.0, color="#b0b4b8", lw=0.0, zorder=0.4
-    )
+    grey = {"where": hills > 0.0, "color": "#b0b4b8", "lw": 0.0, "zorder": 0.4}
+    axes.fill_between(around, 90.0 - np.clip(hills, 0.0, 90.0), 90.0, **grey)
 
 
 @contextmanager
@@ -121,29 +109,25 @@ def marked_level(axes: Any, level: float, label: str) -> None:
     """Draw a dashed line across `axes` at `level`, with its label if it is within the range."""
     axes.axhline(level, color=LIMIT_COLOUR, lw=0.9, ls=DASHED)
     axes.annotate(
-        label,
-        (1.0, level),
-        xycoords=("axes fraction", "data"),
-        xytext=(-2, 2),
-        textcoords="offset points",
-        ha="right",
-        va="bottom",
-        fontsize=8.5,
-        color=LIMIT_COLOUR,
+        label, (1.0, level), xycoords=("axes fraction", "data"), xytext=(-2, 2),
+        textcoords="offset points", ha="right", va="bottom", fontsize=8.5, color=LIMIT_COLOUR,
         annotation_clip=True,
-    )
+    )  # fmt: skip
 
 
 class TimeAxis:
     """Minutes from the acquisition of signal, or from the start of a recording without a pass."""
 
     def __init__(self, analysis: Analysis) -> None:
-        # Without a pass, the origin is the first stamp of any topic.
-        stamps = [data.stamp_ns for data in analysis.recording.topics.values() if data.stamp_ns is not None]
-        first = [int(np.min(known)) for known in stamps if len(known)]
-        known = analysis.target_pass
-        self.origin_ns = known.aos_ns if known is not None else min(first, default=0)
-        self.label = f"minutes from {'acquisition of signal' if known is not None else 'the start of the recording'}"
+        found, start = analysis.target_pass, "acquisition of signal"
+        if found is None:
+            # Without a pass, the origin is the first stamp of any topic.
+            stamps = (data.stamp_ns for data in analysis.recording.topics.values())
+            firsts = (int(np.min(each)) for each in stamps if each is not None and len(each))
+            first = min(firsts, default=0)
+            start = "the start of the recording"
+        self.origin_ns = first if found is None else found.aos_ns
+        self.label = f"minutes from {start}"
 
     def minutes(self, stamp_ns: IntArray) -> Array:
         """Return stamps as minutes."""

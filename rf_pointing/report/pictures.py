@@ -15,24 +15,8 @@ from rf_pointing.core.modes import Mode
 from rf_pointing.core.pass_outcome import SIDELOBE_DB, pointing_loss_db, received_power
 from rf_pointing.core.types import Array
 from rf_pointing.planning.horizon import horizon_from_notes
+from rf_pointing.report import picture_style as style
 from rf_pointing.report.analysis import Analysis, ErrorSeries, tracking_modes
-from rf_pointing.report.picture_style import (
-    ALONE_COLOUR,
-    AXIS_COLOURS,
-    DASHED,
-    LIMIT_COLOUR,
-    TimeAxis,
-    draw_hills,
-    figure,
-    legend_above,
-    marked_level,
-    mode_colour,
-    mode_runs,
-    per_second,
-    plain_log_scale,
-    sky_axes,
-    sky_place,
-)
 from rf_pointing.report.statistics import axis_motion, link_series
 from rf_pointing.report.summary import Latency
 from rf_pointing.report.traffic import latencies
@@ -47,44 +31,43 @@ _MARK_REACH_NS = 2 * 10**9
 def draw_error(analysis: Analysis, path: Path) -> None:
     """Draw the radial error over time by mode: samples light, rms of each second strong."""
     errors = _required(analysis)
-    time = TimeAxis(analysis)
-    with figure(path, 10.0, 4.4) as drawn:
+    time = style.TimeAxis(analysis)
+    with style.figure(path, 10.0, 4.4) as drawn:
         axes = drawn.subplots()
-        alone = np.hypot(errors.alone_rad[:, 0], errors.alone_rad[:, 1]) / MDEG
+        alone = np.hypot(*errors.alone_rad.T) / MDEG
         # Drawn first, below the others: it is the background to compare with.
-        _strong(axes, time, errors, alone, ALONE_COLOUR, "program track alone", 1.0)
+        _strong(axes, time, errors, alone, style.ALONE_COLOUR, "program track alone", 1.0)
         radial = errors.radial_rad / MDEG
-        for mode, part, first in mode_runs(analysis, errors.stamp_ns):
-            colour = mode_colour(mode)
+        for mode, part, first in style.mode_runs(analysis, errors.stamp_ns):
+            colour = style.mode_colour(mode)
             axes.plot(time.minutes(errors.stamp_ns[part]), radial[part], color=colour, lw=0.4, alpha=0.35)
-            _strong(axes, time, errors, radial, colour, mode.replace("_", " ") if first else None, 1.6, part)
+            _strong(axes, time, errors, radial, colour, _shown(mode, first), 1.6, part)
         if analysis.modes is None:
-            _strong(axes, time, errors, radial, LIMIT_COLOUR, f"{errors.source} error", 1.6)
+            _strong(axes, time, errors, radial, style.LIMIT_COLOUR, f"{errors.source} error", 1.6)
         widths = errors.beamwidth_rad[np.isfinite(errors.beamwidth_rad)] / MDEG
         width = float(np.median(widths)) if len(widths) else 0.0
         if width > 0.0:
-            marked_level(axes, 0.5 * width, "half power (3 dB)")
-            marked_level(axes, 0.1 * width, "a tenth of a beamwidth (0.12 dB)")
+            style.marked_level(axes, 0.5 * width, "half power (3 dB)")
+            style.marked_level(axes, 0.1 * width, "a tenth of a beamwidth (0.12 dB)")
         axes.set_ylim(*_decades(radial, alone, width))
-        plain_log_scale(axes.yaxis)
+        style.plain_log_scale(axes.yaxis)
         axes.set(xlabel=time.label, ylabel=f"{errors.source} pointing error, mdeg")
-        legend_above(axes)
+        style.legend_above(axes)
 
 
 def _strong(
-    axes: Any,
-    time: TimeAxis,
-    errors: ErrorSeries,
-    values: Array,
-    colour: str,
-    label: str | None,
-    width: float,
-    part: slice = slice(None),
-) -> None:
+    axes: Any, time: style.TimeAxis, errors: ErrorSeries, values: Array, colour: str, label: str | None,
+    width: float, part: slice = slice(None),
+) -> None:  # fmt: skip
     # The rms of a second, not its mean: errors of both signs would cancel.
-    stamps, mean_square, _ = per_second(errors.stamp_ns[part], np.square(values[part]))
+    stamps, mean_square, _ = style.per_second(errors.stamp_ns[part], np.square(values[part]))
     if len(stamps):
         axes.plot(time.minutes(stamps), np.sqrt(mean_square), color=colour, lw=width, label=label)
+
+
+def _shown(mode: str, first: bool = True) -> str | None:
+    """Return the name of a mode in a legend, which has each of them once."""
+    return mode.replace("_", " ") if first else None
 
 
 def _decades(radial: Array, alone: Array, beamwidth_mdeg: float) -> tuple[float, float]:
@@ -101,41 +84,44 @@ def _decades(radial: Array, alone: Array, beamwidth_mdeg: float) -> tuple[float,
 
 def draw_link(analysis: Analysis, path: Path) -> None:
     """Draw C/N0, and below it the pointing loss: mean of each second strong, largest light."""
-    time, series = TimeAxis(analysis), link_series(analysis.recording)
+    time, series = style.TimeAxis(analysis), link_series(analysis.recording)
     # Empty axes would look like a fault of the receiver.
     heights = [1.0] * (series is not None) + [1.2] * _has_errors(analysis)
-    with figure(path, 10.0, 0.6 + 2.0 * sum(heights)) as drawn:
+    with style.figure(path, 10.0, 0.6 + 2.0 * sum(heights)) as drawn:
         panels = list(drawn.subplots(len(heights), 1, sharex=True, height_ratios=heights, squeeze=False)[:, 0])
         if series is not None:
             name, stamps, values = series
             panels[0].plot(time.minutes(stamps), values, color="black", lw=0.6)
-            panels[0].set_title(f"C/N0 measured on {name}", loc="right", fontsize=9.0, color=LIMIT_COLOUR)
+            panels[0].set_title(f"C/N0 measured on {name}", loc="right", fontsize=9.0, color=style.LIMIT_COLOUR)
             panels[0].set(ylabel="C/N0, dB-Hz")
         if _has_errors(analysis):
             _draw_losses(panels[-1], time, analysis)
             panels[-1].set(ylabel="pointing loss, dB")
         panels[-1].set(xlabel=time.label)
-        legend_above(*panels)
+        style.legend_above(*panels)
 
 
-def _draw_losses(axes: Any, time: TimeAxis, analysis: Analysis) -> None:
+def _draw_losses(axes: Any, time: style.TimeAxis, analysis: Analysis) -> None:
     errors = _required(analysis)
-    alone = received_power(np.hypot(errors.alone_rad[:, 0], errors.alone_rad[:, 1]), errors.beamwidth_rad)
-    stamps, mean, _ = per_second(errors.stamp_ns, alone)
-    axes.plot(time.minutes(stamps), pointing_loss_db(mean), color=ALONE_COLOUR, label="program track alone")
-    for mode, part, first in mode_runs(analysis, errors.stamp_ns):
+    alone = received_power(np.hypot(*errors.alone_rad.T), errors.beamwidth_rad)
+    stamps, mean, _ = style.per_second(errors.stamp_ns, alone)
+    axes.plot(time.minutes(stamps), pointing_loss_db(mean), color=style.ALONE_COLOUR, label="program track alone")
+    for mode, part, first in style.mode_runs(analysis, errors.stamp_ns):
         if mode in tracking_modes():
             power = received_power(errors.radial_rad[part], errors.beamwidth_rad[part])
             # The loss of the mean power, not the mean of decibels.
-            stamps, mean_power, _ = per_second(errors.stamp_ns[part], power)
-            mean, largest = pointing_loss_db(mean_power), per_second(errors.stamp_ns[part], errors.loss_db[part])[2]
-            minutes, colour = time.minutes(stamps), mode_colour(mode)
+            stamps, mean_power, _ = style.per_second(errors.stamp_ns[part], power)
+            mean, largest = (
+                pointing_loss_db(mean_power),
+                style.per_second(errors.stamp_ns[part], errors.loss_db[part])[2],
+            )
+            minutes, colour = time.minutes(stamps), style.mode_colour(mode)
             axes.fill_between(minutes, mean, largest, color=colour, alpha=0.25, lw=0.0)
-            axes.plot(minutes, mean, color=colour, lw=1.6, label=mode.replace("_", " ") if first else None)
+            axes.plot(minutes, mean, color=colour, lw=1.6, label=_shown(mode, first))
     for level in (0.1, 3.0):
-        marked_level(axes, level, f"{level:g} dB")
+        style.marked_level(axes, level, f"{level:g} dB")
     axes.set_ylim(1e-4, SIDELOBE_DB)
-    plain_log_scale(axes.yaxis)
+    style.plain_log_scale(axes.yaxis)
 
 
 def draw_beam(analysis: Analysis, path: Path) -> None:
@@ -146,15 +132,14 @@ def draw_beam(analysis: Analysis, path: Path) -> None:
     half = 0.5 * float(np.nanmedian(width)) if np.any(np.isfinite(width)) else 0.0
     # With the search in it, the enlarged picture would show a dot.
     settled = tracking & (errors.stamp_ns >= (analysis.acquired_ns or 0))
-    with figure(path, 10.0, 5.0) as drawn:
+    with style.figure(path, 10.0, 5.0) as drawn:
         whole, middle = drawn.subplots(1, 2)
         alone = errors.alone_rad[tracking] / MDEG
-        whole.plot(alone[:, 0], alone[:, 1], ".", color=ALONE_COLOUR, ms=1.5, label="program track alone")
+        whole.plot(*alone.T, ".", color=style.ALONE_COLOUR, ms=1.5, label="program track alone")
         for mode in tracking_modes():
             chosen = errors.error_rad[tracking & (errors.mode == mode)] / MDEG
             if len(chosen):
-                label = mode.replace("_", " ")
-                whole.plot(chosen[:, 0], chosen[:, 1], ".", color=mode_colour(mode), ms=2.0, label=label)
+                whole.plot(*chosen.T, ".", color=style.mode_colour(mode), ms=2.0, label=_shown(mode))
         reach = np.nanmax(np.abs(np.concatenate([alone, errors.error_rad[tracking] / MDEG, [[half, half]]])))
         _frame(whole, half, 1.15 * max(float(reach), _SMALLEST_MDEG), "whole beam")
         # Below the axes: inside it would lie over the points.
@@ -163,24 +148,20 @@ def draw_beam(analysis: Analysis, path: Path) -> None:
 
 
 def _draw_middle(axes: Any, error_mdeg: Array, half_mdeg: float, acquired: bool) -> None:
-    axes.plot(error_mdeg[:, 0], error_mdeg[:, 1], ".", color=mode_colour(Mode.MONOPULSE), ms=1.5, alpha=0.4)
+    axes.plot(error_mdeg[:, 0], error_mdeg[:, 1], ".", color=style.mode_colour(Mode.MONOPULSE), ms=1.5, alpha=0.4)
     rms = np.sqrt(np.mean(np.square(error_mdeg), axis=0)) if len(error_mdeg) else np.zeros(2)
-    _ellipse(axes, rms[0], rms[1], LIMIT_COLOUR, "-", f"rms {rms[0]:.2f}, {rms[1]:.2f} mdeg")
+    _ellipse(axes, rms[0], rms[1], style.LIMIT_COLOUR, "-", f"rms {rms[0]:.2f}, {rms[1]:.2f} mdeg")
     # Not the largest: a single error would shrink the cloud.
     reach = float(np.percentile(np.abs(error_mdeg), 99.8)) if len(error_mdeg) else 1.0
-    _frame(
-        axes,
-        half_mdeg,
-        1.3 * max(reach, _SMALLEST_MDEG),
-        "after acquisition, enlarged" if acquired else "tracking, enlarged",
-    )
+    over = "after acquisition" if acquired else "tracking"
+    _frame(axes, half_mdeg, 1.3 * max(reach, _SMALLEST_MDEG), f"{over}, enlarged")
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=2)
 
 
 def _frame(axes: Any, half_mdeg: float, reach_mdeg: float, title: str) -> None:
     if half_mdeg > 0.0:
         label = "half power" if half_mdeg < reach_mdeg else None
-        _ellipse(axes, half_mdeg, half_mdeg, LIMIT_COLOUR, DASHED, label)
+        _ellipse(axes, half_mdeg, half_mdeg, style.LIMIT_COLOUR, style.DASHED, label)
     axes.axhline(0.0, color="#aaaaaa", lw=0.7)
     axes.axvline(0.0, color="#aaaaaa", lw=0.7)
     axes.set_aspect("equal")
@@ -200,13 +181,13 @@ def _required(analysis: Analysis) -> ErrorSeries:
 
 def draw_sky(analysis: Analysis, path: Path) -> None:
     """Draw the track over the sky, north up: commanded thin, actual coloured by mode."""
-    with figure(path, 6.0, 6.6) as drawn:
+    with style.figure(path, 6.0, 6.6) as drawn:
         # The layout does not count the compass letters outside the circle.
         drawn.get_layout_engine().set(rect=(0.0, 0.04, 1.0, 0.92))
         axes = drawn.add_subplot(projection="polar")
-        sky_axes(axes)
+        style.sky_axes(axes)
         if (horizon := horizon_from_notes(analysis.recording.notes)) is not None:
-            draw_hills(axes, horizon)
+            style.draw_hills(axes, horizon)
         _draw_actual(axes, analysis)
         if analysis.modes is not None:
             _draw_commanded(axes, analysis)
@@ -224,13 +205,12 @@ def _draw_actual(axes: Any, analysis: Analysis) -> None:
         return
     step = max(1, len(stamp_ns) // _SKY_POINTS)
     stamp_ns = stamp_ns[::step]
-    theta, radius = sky_place(azimuth[::step], elevation[::step])
+    theta, radius = style.sky_place(azimuth[::step], elevation[::step])
     if analysis.modes is None:
-        axes.plot(theta, radius, color=AXIS_COLOURS[0], lw=4.0, alpha=0.6, label="actual")
-    for mode, part, first in mode_runs(analysis, stamp_ns):
-        colour = mode_colour(mode)
-        label = mode.replace("_", " ") if first else None
-        axes.plot(theta[part], radius[part], color=colour, lw=4.5, alpha=0.75, solid_capstyle="butt", label=label)
+        axes.plot(theta, radius, color=style.AXIS_COLOURS[0], lw=4.0, alpha=0.6, label="actual")
+    for mode, part, first in style.mode_runs(analysis, stamp_ns):
+        wide = {"lw": 4.5, "alpha": 0.75, "solid_capstyle": "butt", "label": _shown(mode, first)}
+        axes.plot(theta[part], radius[part], color=style.mode_colour(mode), **wide)
 
 
 def _draw_commanded(axes: Any, analysis: Analysis) -> None:
@@ -239,7 +219,7 @@ def _draw_commanded(axes: Any, analysis: Analysis) -> None:
     aimed = np.isin(analysis.modes.columns["mode"], tracking_modes())
     stamps = analysis.modes.stamp_ns[aimed]
     azimuth, elevation = (analysis.modes.columns[name][aimed] for name in ("azimuth", "elevation"))
-    theta, radius = sky_place(azimuth, elevation)
+    theta, radius = style.sky_place(azimuth, elevation)
     axes.plot(theta, radius, color="black", lw=0.9, label="commanded")
     found = analysis.target_pass
     if found is None or not len(stamps):
@@ -260,30 +240,30 @@ def draw_axes(analysis: Analysis, path: Path) -> None:
     """Rates and accelerations of both axes against their limits; needs joint_states."""
     motion = axis_motion(analysis.recording)
     assert motion is not None
-    time = TimeAxis(analysis)
+    time = style.TimeAxis(analysis)
     antenna = analysis.recording.get("antenna_status")
-    with figure(path, 10.0, 4.8) as drawn:
+    with style.figure(path, 10.0, 4.8) as drawn:
         above, below = drawn.subplots(2, 1, sharex=True)
         for axes, stamps, values, column in (
             (above, motion.stamp_ns, motion.rate_rad_s, "rate_limit"),
             (below, motion.acceleration_stamp_ns, motion.acceleration_rad_s2, "acceleration_limit"),
         ):
             for index, name in enumerate(AXES):
-                axes.plot(time.minutes(stamps), np.degrees(values[:, index]), color=AXIS_COLOURS[index], lw=1.0,
+                axes.plot(time.minutes(stamps), np.degrees(values[:, index]), color=style.AXIS_COLOURS[index], lw=1.0,
                           label=name)  # fmt: skip
             limits = np.unique(np.round(np.degrees(antenna[column][-1]), 9)) if antenna is not None else np.zeros(0)
             for level in (sign * limit for limit in limits for sign in (-1.0, 1.0)):
                 label = "limit" if level == limits[0] else None
-                axes.axhline(level, color=LIMIT_COLOUR, lw=1.0, ls=DASHED, label=label)
+                axes.axhline(level, color=style.LIMIT_COLOUR, lw=1.0, ls=style.DASHED, label=label)
         above.set(ylabel="rate, deg/s")
         below.set(xlabel=time.label, ylabel="acceleration, deg/s²")
-        legend_above(above)
+        style.legend_above(above)
 
 
 def draw_timing(analysis: Analysis, path: Path) -> None:
     """Draw the command lead over time, and the latency of each hop (median to 99th percentile)."""
     hops = [row for row in latencies(analysis.recording) if row.count]
-    with figure(path, 10.0, 3.8) as drawn:
+    with style.figure(path, 10.0, 3.8) as drawn:
         panels = drawn.subplots(1, 2, width_ratios=(1.0, 1.1))[:] if hops else [drawn.subplots()]
         _draw_lead(panels[0], analysis)
         if hops:
@@ -291,15 +271,17 @@ def draw_timing(analysis: Analysis, path: Path) -> None:
 
 
 def _draw_lead(axes: Any, analysis: Analysis) -> None:
-    time = TimeAxis(analysis)
+    time = style.TimeAxis(analysis)
     antenna = analysis.recording.get("antenna_status")
     if analysis.modes is not None:
         chosen = analysis.modes.is_tracking_at(analysis.modes.stamp_ns)
         lead = np.where(chosen, analysis.modes.columns["command_lead"], np.nan)
-        axes.plot(time.minutes(analysis.modes.stamp_ns), lead, color=AXIS_COLOURS[0], label="sent by the controller")
+        axes.plot(
+            time.minutes(analysis.modes.stamp_ns), lead, color=style.AXIS_COLOURS[0], label="sent by the controller"
+        )
     if antenna is not None and antenna.stamp_ns is not None:
         lead = np.where(antenna["mode"] == "tracking", antenna["command_lead"], np.nan)
-        axes.plot(time.minutes(antenna.stamp_ns), lead, color=AXIS_COLOURS[1], lw=0.8, label="left in the servo")
+        axes.plot(time.minutes(antenna.stamp_ns), lead, color=style.AXIS_COLOURS[1], lw=0.8, label="left in the servo")
     axes.set_ylim(0.0, 1.1 * axes.get_ylim()[1])
     axes.set(xlabel=time.label, ylabel="command lead, s")
     if axes.lines:
@@ -310,14 +292,15 @@ def _draw_hops(axes: Any, rows: Sequence[Latency]) -> None:
     for number, row in enumerate(reversed(rows)):
         # A time can be negative when the effect reached the recorder first.
         ends = np.maximum(np.array([row.median_ms, row.p99_ms], dtype=np.float64), 0.01)
-        axes.plot(ends, [number, number], color=mode_colour(Mode.MONOPULSE), lw=5.0, alpha=0.35, solid_capstyle="butt")
-        axes.plot(ends[0], number, "o", color=mode_colour(Mode.MONOPULSE), ms=6.0)
-        axes.plot(ends[1], number, "|", color=mode_colour(Mode.MONOPULSE), ms=12.0, mew=2.0)
+        colour = style.mode_colour(Mode.MONOPULSE)
+        axes.plot(ends, [number] * 2, color=colour, lw=5.0, alpha=0.35, solid_capstyle="butt")
+        axes.plot(ends[0], number, "o", color=colour, ms=6.0)
+        axes.plot(ends[1], number, "|", color=colour, ms=12.0, mew=2.0)
     axes.set_yticks(range(len(rows)), [f"{row.cause} → {row.effect}" for row in reversed(rows)], fontsize=8.5)
     axes.set_ylim(-0.6, len(rows) - 0.4)
     drawn = [ends for line in axes.lines for ends in line.get_xdata()]
     axes.set_xlim(min([0.1, *drawn]) / 1.5, 1.5 * max([10.0, *drawn]))
-    plain_log_scale(axes.xaxis)
+    style.plain_log_scale(axes.xaxis)
     axes.set(xlabel="wall time, ms: median (dot) to 99th percentile (bar)")
     axes.grid(visible=False, axis="y")
 
@@ -352,52 +335,49 @@ class Picture(Caption):
     possible: Callable[[Analysis], bool]
 
 
+def _has_link(analysis: Analysis) -> bool:
+    return _has_errors(analysis) or link_series(analysis.recording) is not None
+
+
+def _has_timing(analysis: Analysis) -> bool:
+    return analysis.modes is not None or analysis.recording.get("antenna_status") is not None
+
+
 _PICTURES = (
     Picture(
-        "pointing_error",
-        "Pointing error",
-        "Angle between target and beam. Light: every sample; strong: rms of each second, coloured by tracking mode. "
-        "Grey: what the error would have been without the tracking offset.",
-        draw_error,
-        _has_errors,
+        "pointing_error", "Pointing error",
+        "Angle between target and beam. Light: every sample; strong: rms of each second, coloured by "
+        "tracking mode. Grey: what the error would have been without the tracking offset.",
+        draw_error, _has_errors,
     ),
     Picture(
-        "link",
-        "Link and pointing loss",
-        "Loss of a Gaussian beam down to its sidelobes at 40 dB: that of the mean power of each second, shaded up to "
-        "the largest.",
-        draw_link,
-        lambda analysis: _has_errors(analysis) or link_series(analysis.recording) is not None,
+        "link", "Link and pointing loss",
+        "Loss of a Gaussian beam down to its sidelobes at 40 dB: that of the mean power of each "
+        "second, shaded up to the largest.",
+        draw_link, _has_link,
     ),
     Picture(
-        "sky_track",
-        "Track over the sky",
+        "sky_track", "Track over the sky",
         "North up, zenith in the middle. Thin line: commanded; wide line: actual, coloured by mode.",
-        draw_sky,
-        _has_any("sim/boresight", "joint_states", "tracking_status"),
+        draw_sky, _has_any("sim/boresight", "joint_states", "tracking_status"),
     ),
     Picture(
-        "beam",
-        "The target in the beam",
+        "beam", "The target in the beam",
         "Position of the target seen from the beam while tracking, with the half-power circle.",
-        draw_beam,
-        _has_tracking,
+        draw_beam, _has_tracking,
     ),
     Picture(
-        "axes",
-        "Axis rates and accelerations",
+        "axes", "Axis rates and accelerations",
         "From the encoders; accelerations are means over half a second. Dashed: limits of the drive.",
-        draw_axes,
-        _has_any("joint_states"),
+        draw_axes, _has_any("joint_states"),
     ),
     Picture(
-        "timing",
-        "Timing of the graph",
-        "Left: how far the commands run ahead of the clock. Right: wall time between linked messages at the recorder.",
-        draw_timing,
-        lambda analysis: analysis.modes is not None or analysis.recording.get("antenna_status") is not None,
+        "timing", "Timing of the graph",
+        "Left: how far the commands run ahead of the clock. Right: wall time between linked messages "
+        "at the recorder.",
+        draw_timing, _has_timing,
     ),
-)
+)  # fmt: skip
 
 
 def draw_pictures(analysis: Analysis, folder: Path) -> dict[Path, Caption]:

@@ -1,4 +1,4 @@
-"""Pictures of the coming passes (sky, azimuth, rates), of a link budget, and of a known orbit."""
+"""Pictures of coming passes (sky, azimuth, rates), a link budget, a known orbit and a scan."""
 
 import math
 from collections.abc import Mapping
@@ -7,22 +7,20 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rf_pointing.core.types import Array
 from rf_pointing.orbit.study import Knowledge
 from rf_pointing.planning import AxisLimits, HorizonMask
-from rf_pointing.report.picture_style import (
-    AXIS_COLOURS,
-    DASHED,
-    LIMIT_COLOUR,
-    draw_hills,
-    figure,
-    sky_axes,
-    sky_place,
-)
+from rf_pointing.radiometry.scan_fit import BASE, DRIFT, LEVEL, TILT, WIDTH, Samples, ScanFit
+from rf_pointing.report import picture_style as style
+from rf_pointing.report.picture_style import AXIS_COLOURS, DASHED, LIMIT_COLOUR, figure
 from rf_pointing.station.pointing.certificates import PlannedPass
 
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#332288", "#882255", "#7f7f7f")
+# Samples within this many beamwidths of an axis through the source are on its cut.
+CUT_BEAMS = 0.25
+FLOOR_DB = -30.0
 
 
 def draw_plan(planned: list[PlannedPass], limits: AxisLimits, mask: HorizonMask, path: Path) -> None:
@@ -57,15 +55,15 @@ def draw_budget(columns: Mapping[str, Array], minutes: Array, title: str, path: 
 
 
 def _draw_sky(axes: Any, planned: list[PlannedPass], mask: HorizonMask) -> None:
-    sky_axes(axes)
-    draw_hills(axes, mask)
+    style.sky_axes(axes)
+    style.draw_hills(axes, mask)
     for number, item in enumerate(planned):
         azimuth, elevation = item.profile.position_rad.T
         chosen = item.certificate.chosen
         width, dashes = (1.0, ":") if chosen is None else (2.0, "-")
         axes.plot(azimuth, 90.0 - np.degrees(elevation), color=_colour(number), lw=width, ls=dashes, label=_label(item))
         if chosen is not None and chosen.crossing is not None:
-            axes.plot(*sky_place(*chosen.crossing.position_rad.T), color="black", lw=0.8)
+            axes.plot(*style.sky_place(*chosen.crossing.position_rad.T), color="black", lw=0.8)
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.06), ncols=2, fontsize=8.0)
 
 
@@ -143,23 +141,57 @@ def _colour(number: int) -> str:
     return COLOURS[number % len(COLOURS)]
 
 
-def draw_covariance(known: Knowledge, rtn_m: Array, tracked_until_t_s: float, title: str,
-    path: Path) -> None:  # fmt: skip
+def draw_covariance(
+    known: Knowledge, rtn_m: Array, tracked_until_t_s: float, title: str, path: Path
+) -> None:  # fmt: skip
     """Write the picture of a covariance to `path`; `rtn_m` (n, 3) are the sigmas of the total."""
     hours = (known.t_s - known.t_s[0]) / 3600.0
     with figure(path, 11.0, 6.0) as drawn:
         sigmas, tracks = drawn.subplots(2, 1, sharex=True, gridspec_kw={"height_ratios": [4, 1]})
         for name, values in zip(("radial", "along the track", "across"), rtn_m.T, strict=True):
             sigmas.plot(hours, values, label=name)
-        sigmas.plot(hours, known.sigma_m(known.formal), "k--", lw=1.0,
-            label="all three, noise alone")  # fmt: skip
+        sigmas.plot(hours, known.sigma_m(known.formal), "k--", lw=1.0, label="all three, noise alone")
         sigmas.axvline((tracked_until_t_s - known.t_s[0]) / 3600.0, color="0.5", lw=1.0)
-        sigmas.set_yscale("log")
-        sigmas.set_ylabel("sigma, m")
+        sigmas.set(yscale="log", ylabel="sigma, m")
         sigmas.legend()
         for row, tracked in enumerate(known.tracked):
             tracks.plot(hours[tracked], np.full(int(np.sum(tracked)), row), "|", ms=12.0)
         tracks.set_yticks(range(len(known.names)), known.names)
-        tracks.set_ylim(-0.6, len(known.names) - 0.4)
-        tracks.set_xlabel("hours")
+        tracks.set(ylim=(-0.6, len(known.names) - 0.4), xlabel="hours")
         drawn.suptitle(title)
+
+
+def draw_scan(samples: Samples, fit: ScanFit, title: str, path: Path) -> None:
+    """Write the picture of a scan to `path`; edited powers are crosses."""
+    x, y = np.degrees(samples.cross_elevation_rad), np.degrees(samples.elevation_rad)
+    base = (fit.values[BASE] + fit.values[DRIFT] * (samples.t_s - samples.t_s.mean())) * samples.sky
+    base = base + fit.values[TILT] * samples.elevation_rad
+    gain = (samples.power - base) / (fit.on_axis * fit.values[LEVEL] * samples.strength)
+    centre = np.degrees(fit.offset_rad)
+    with figure(path, 11.0, 5.2) as drawn:
+        grid = drawn.add_gridspec(2, 2, width_ratios=[1.0, 1.25])
+        off = x - centre[0], y - centre[1]
+        for row, name in enumerate(("cross-elevation", "elevation")):
+            along, across = off[row], off[1 - row]
+            axes = drawn.add_subplot(grid[row, 0])
+            near = np.abs(across) < CUT_BEAMS * math.degrees(fit.values[WIDTH])
+            _draw_cut(axes, along[near], gain[near], fit.used[near], AXIS_COLOURS[row])
+            axes.set_xlabel(f"{name} off the source, deg")
+        _draw_map(drawn, drawn.add_subplot(grid[:, 1]), x, y, gain, centre)
+        drawn.suptitle(title)
+
+
+def _draw_cut(axes: Any, along: Array, gain: Array, used: NDArray[np.bool_], colour: str) -> None:
+    level = 10.0 * np.log10(np.maximum(gain, 10.0 ** (0.1 * FLOOR_DB)))
+    axes.plot(along[used], level[used], ".", ms=2.5, color=colour)
+    axes.plot(along[~used], level[~used], "x", ms=5.0, color=LIMIT_COLOUR)
+    axes.set(ylim=(FLOOR_DB - 1.0, 3.0), ylabel="power, dB")
+
+
+def _draw_map(drawn: Any, axes: Any, x: Array, y: Array, gain: Array, centre: Array) -> None:
+    # Points rather than an interpolation: what lies between the lines was not measured.
+    shown = axes.scatter(x, y, c=np.clip(gain, -0.05, 1.05), s=9.0, cmap="viridis", linewidths=0.0)
+    axes.plot(*centre, "+", ms=14.0, color="#d55e00")
+    axes.set(aspect="equal", xlabel="cross-elevation of the beam, deg")
+    axes.set_ylabel("elevation of the beam, deg")
+    drawn.colorbar(shown, ax=axes, label="share of the peak")

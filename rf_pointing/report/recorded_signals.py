@@ -4,7 +4,6 @@ Each message becomes the dataclass that its node makes of it; one that is refuse
 as a problem of the recording here.
 """
 
-import re
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
@@ -28,19 +27,15 @@ from rf_pointing.core.types import Array
 from rf_pointing.ephemeris import Pass
 from rf_pointing.report.analysis import Timeline, timeline, tracked_pass
 from rf_pointing.report.recording import Recording, read_recording
-from rf_pointing.report.topics import TOPICS, TopicLayout
+from rf_pointing.report.topics import TOPICS, TopicLayout, own_layout, wire_name
 from rf_pointing.simulation.open_loop import Signals
 from rf_pointing.station.pointing.status import TrackingStatus
 
 CHANNELS = ("sum", "difference_cross_elevation", "difference_elevation")
 WIND = "weather/wind"
-# The leftmost match counts: `aos_t_s` loses `_t_s`, not only `_s`.
-_UNIT = re.compile(r"_(rad_s2|rad_s|rad2|rad|m_s|m|t_s|s|w|db_hz|db)$")
-
-
-def wire_name(name: str) -> str:
-    """Return the name of a message's field: that of the signal's without the unit."""
-    return _UNIT.sub("", name)
+_MOTION = {
+    "position_rad": "positions", "velocity_rad_s": "velocities", "acceleration_rad_s2": "accelerations",
+}  # fmt: skip
 
 
 def _t_s(stamp: Any) -> float:
@@ -69,34 +64,25 @@ def _maker(kind: type, **own: Any) -> Callable[[Any], Any]:
 def _joints(message: Any) -> JointReading:
     # In the order of our axes, whatever the order of the publisher.
     position, velocity = TOPICS["joint_states"].row(message)
-    return JointReading(
-        t_s=_t_s(message.header.stamp),
-        position_rad=np.array(position),
-        velocity_rad_s=np.array(velocity),
-    )
+    motion = {"position_rad": np.array(position), "velocity_rad_s": np.array(velocity)}
+    return JointReading(t_s=_t_s(message.header.stamp), **motion)
 
 
 def _trajectory(message: Any) -> tuple[float, JointTrajectory]:
-    base_s, order = (
-        _t_s(message.header.stamp),
-        [message.joint_names.index(axis) for axis in axes_among(message.joint_names)],
-    )
-    columns = (
-        np.array([getattr(point, name) for point in message.points])[:, order]
-        for name in ("positions", "velocities", "accelerations")
-    )
+    base_s = _t_s(message.header.stamp)
+    order = [message.joint_names.index(axis) for axis in axes_among(message.joint_names)]
+    motion = {
+        name: np.array([getattr(point, wire) for point in message.points])[:, order]
+        for name, wire in _MOTION.items()
+    }  # fmt: skip
     since = (point.time_from_start for point in message.points)
     times = np.array([each.sec + each.nanosec * 1e-9 for each in since])
-    names = ("position_rad", "velocity_rad_s", "acceleration_rad_s2")
-    motion = dict(zip(names, columns, strict=True))
     return base_s, JointTrajectory(t_s=np.round(base_s + times, 6), **motion)
 
 
 def _cluster(message: Any) -> MonopulseCluster:
-    parts = {
-        name: getattr(message, f"{name}_i") + 1j * getattr(message, f"{name}_q")
-        for name in CHANNELS
-    }  # fmt: skip
+    real, imaginary = ([getattr(message, f"{name}_{part}") for name in CHANNELS] for part in "iq")
+    parts = {name: i + 1j * q for name, i, q in zip(CHANNELS, real, imaginary, strict=True)}
     # The stamp is that of the last sample.
     ages = np.arange(len(message.sum_i) - 1, -1, -1)
     t_s = _t_s(message.header.stamp) - message.sample_period * ages
@@ -126,12 +112,12 @@ class DriveStatus:
 def _with(name: str, column: str, make: Callable[[Any], Any]) -> TopicLayout:
     """Return a layout of the reports with one more column."""
     layout = TOPICS[name]
-    # In a list of one, which a column keeps as it is: numpy would take a tuple apart.
-    return replace(
-        layout,
-        columns=(*layout.columns, column),
-        row=lambda message: (*layout.row(message), [make(message)]),
-    )
+
+    def row(message: Any) -> tuple[Any, ...]:
+        # In a list of one, which a column keeps as it is: numpy would take a tuple apart.
+        return *layout.row(message), [make(message)]
+
+    return replace(layout, columns=(*layout.columns, column), row=row)
 
 
 _WHOLE = dict.fromkeys(("rises_before", "sets_after"), lambda _: False)
@@ -153,21 +139,10 @@ LAYOUTS: dict[str, TopicLayout] = {
     **TOPICS,
     **{name: _with(name, "signal", make) for name, make in MAKERS.items()},
     "passes": _with("passes", "signal", lambda message: [_PASS(each) for each in message.passes]),
-    "pointing_model": _with(
-        "pointing_model",
-        "signal",
-        lambda message: BiasModel(dict(zip(message.terms, message.values, strict=True))),
-    ),
-    "station_in_use": TopicLayout(
-        "rf_pointing_msgs/msg/StationInUse",
-        ("node", "digest"),
-        lambda m: (m.node, m.digest),
-        periodic=False,
-    ),
+    "pointing_model": _with("pointing_model", "signal", lambda m: BiasModel(dict(zip(m.terms, m.values, strict=True)))),
+    "station_in_use": own_layout("StationInUse", "node", "digest", periodic=False),
     WIND: TopicLayout(
-        "geometry_msgs/msg/Vector3Stamped",
-        ("velocity",),
-        lambda m: ([float(m.vector.x), float(m.vector.y)],),
+        "geometry_msgs/msg/Vector3Stamped", ("velocity",), lambda m: ([float(m.vector.x), float(m.vector.y)],)
     ),
 }
 
@@ -216,12 +191,9 @@ def read_pass(path: Path | str, namespace: str | None = None) -> RecordedPass:
     # The newest: what the pass ended with is what its elements and limits were judged by.
     chosen = [str(each.sensor) for each in signals.of("tracking_status") if each.target]
     return RecordedPass(
-        recording=recording,
-        signals=signals,
-        modes=modes,
-        window=window,
+        recording=recording, signals=signals, modes=modes, window=window,
         sensor=recording.notes.get("sensor") or (chosen[-1] if chosen else Sensor.PROGRAM.value),
         model=None if model is None else model["signal"][-1][0],
         wind=None if wind is None else (wind.t_s, np.array(wind["velocity"])),
         digests=() if used is None else tuple(dict.fromkeys(map(str, used["digest"]))),
-    )
+    )  # fmt: skip

@@ -12,6 +12,7 @@ from collections import defaultdict, deque
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -27,14 +28,7 @@ from rf_pointing.report.bag_source import READ_ERRORS, BagSource, open_bag
 from rf_pointing.report.bag_writer import LOST_NOTE, PROBLEM_NOTE, TopicLoss
 from rf_pointing.report.mcap_tail import publish_times
 from rf_pointing.report.summary import Complaint
-from rf_pointing.report.topics import (
-    TOPICS,
-    TopicData,
-    TopicLayout,
-    as_column,
-    head_reader,
-    types_of,
-)
+from rf_pointing.report.topics import TOPICS, TopicData, TopicLayout, as_column, head_reader, types_of
 
 _DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
 _DECODE_ERRORS = (SerdeError, AttributeError, *READ_ERRORS)
@@ -44,15 +38,15 @@ _TICK_NS = 100_000_000
 """Longest step of a simulated clock; log times that follow it so closely are taken from it."""
 _NUMBER = re.compile(r"\d+(\.\d+)?")
 Take = Callable[[int, bytes], None]
+Layouts = Mapping[str, TopicLayout]
 
 
 class _Rows:
     """Growing columns of one topic."""
 
     def __init__(self, layout: TopicLayout, topic: str, typestore: Typestore) -> None:
-        self.topic, self.layout = topic, layout
-        self.head, self.head_length = head_reader(self.layout.type_name, typestore)
-        self.typestore = typestore
+        self.topic, self.layout, self.typestore = topic, layout, typestore
+        self.head, self.head_length = head_reader(layout.type_name, typestore)
         self.logs: list[int] = []
         self.heads: list[tuple[int, ...]] = []
         self.rows: list[tuple[Any, ...]] = []
@@ -91,21 +85,17 @@ class _Rows:
         names = self.layout.columns
         values = list(zip(*rows, strict=True)) or [()] * len(names)
         return TopicData(
-            topic=self.topic,
-            type_name=self.layout.type_name,
-            log_time_ns=logs,
+            topic=self.topic, type_name=self.layout.type_name, log_time_ns=logs,
             stamp_ns=heads[:, 0] if self.head_length > 0 else None,
             sequence=heads[:, 1] if self.head_length > 1 else None,
             columns={name: as_column(column) for name, column in zip(names, values, strict=True)},
-        )
+        )  # fmt: skip
 
 
 class _Collector:
     """Reads all messages of `source` once; `namespace` chooses the antenna."""
 
-    def __init__(
-        self, source: BagSource, namespace: str, layouts: Mapping[str, TopicLayout]
-    ) -> None:  # fmt: skip
+    def __init__(self, source: BagSource, namespace: str, layouts: Layouts) -> None:
         self._layouts = layouts
         self.problems = list(source.problems)
         self.warnings: dict[tuple[str, str], tuple[str, int]] = {}
@@ -129,17 +119,14 @@ class _Collector:
         """Return what is wrong with the recording, each problem once, in words for the user."""
         damage = [
             f"{rows.unreadable} messages of {name} could not be decoded ({rows.first_error})"
-            for name, rows in self._rows.items()
-            if rows.unreadable
-        ]
+            for name, rows in self._rows.items() if rows.unreadable
+        ]  # fmt: skip
         return tuple(dict.fromkeys(self.problems + damage))
 
     def complaints(self) -> tuple[Complaint, ...]:
         """Return the reports on `/diagnostics` above OK, with the last of equal messages."""
-        return tuple(
-            Complaint(component=component, message=message, count=count)
-            for (component, _), (message, count) in sorted(self.warnings.items())
-        )
+        found = sorted(self.warnings.items())
+        return tuple(Complaint(component, *last) for (component, _), last in found)
 
     def _types(self, source: BagSource) -> Typestore:
         types: Typesdict = {}
@@ -170,12 +157,10 @@ class _Collector:
             self.problems.append(f"reading stopped after {count} messages of {reader.path.name}: {error}")
         self.count += count
         # rosbags passes over a block of zeros, and over all that it takes for a record after it.
-        if count < reader.message_count:
-            self.missing += reader.message_count - count
-            self.problems.append(
-                f"{reader.message_count - count} of {reader.message_count} messages of {reader.path.name} "
-                "are not readable: the file is damaged"
-            )
+        if count < (whole := reader.message_count):
+            self.missing += whole - count
+            lost = f"{whole - count} of {whole} messages of {reader.path.name}"
+            self.problems.append(f"{lost} are not readable: the file is damaged")
 
     def _read_publish_times(self, source: BagSource) -> None:
         """Read the wall times of a bag whose log times are those that its clock tells."""
@@ -197,7 +182,7 @@ class _Collector:
         layout = self._layouts.get(name) if mine else None
         if layout is None:
             diagnostics = connection.topic == "/diagnostics" and connection.msgtype == _DIAGNOSTICS
-            return self._take_diagnostics if diagnostics else self._counter(connection.topic)
+            return self._take_diagnostics if diagnostics else partial(self._count, connection.topic)
         if connection.msgtype != layout.type_name:
             self.problems.append(f"{name} has type {connection.msgtype}, not {layout.type_name}: it is not used")
         elif connection.msgtype not in self._typestore.fielddefs:
@@ -205,13 +190,10 @@ class _Collector:
         else:
             rows = _Rows(layout, connection.topic, self._typestore)
             return self._rows.setdefault(name, rows).take
-        return self._counter(connection.topic)
+        return partial(self._count, connection.topic)
 
-    def _counter(self, topic: str) -> Take:
-        def count(_log_time_ns: int, _raw: bytes) -> None:
-            self.others[topic] += 1
-
-        return count
+    def _count(self, topic: str, _log_time_ns: int, _raw: bytes) -> None:
+        self.others[topic] += 1
 
     def _is_ours(self, name: str) -> bool:
         """Return whether a status is of this antenna: its nodes put their namespace before it."""
@@ -288,25 +270,11 @@ def antennas(path: Path | str) -> list[str]:
         return _antennas(open_bag(Path(path), stack))
 
 
-def read_recording(
-    path: Path | str, *, namespace: str | None = None, layouts: Mapping[str, TopicLayout] = TOPICS
-) -> Recording:
-    """Read the recording of one antenna.
+def read_recording(path: Path | str, *, namespace: str | None = None, layouts: Layouts = TOPICS) -> Recording:
+    """Read the recording of one antenna from a bag directory, or one of its files.
 
-    Parameters
-    ----------
-    path
-        Bag directory, or one of its files.
-    namespace
-        Which antenna; needed when the bag holds several.
-    layouts
-        What is read of which topics.
-
-    Raises
-    ------
-    ValueError
-        Nothing readable at `path`, no antenna in it, several and no `namespace`, or not the
-        requested one.
+    `namespace` chooses one of several, `layouts` what is read of which topics.  ValueError for
+    nothing readable at `path`, no antenna in it, several and no `namespace`, or another one.
     """
     path = Path(path)
     with ExitStack() as stack:
@@ -325,17 +293,15 @@ def read_recording(
             topics = collector.topics()
             collector.problems += [*damage, f"{collector.count - before} messages beyond the damage are used"]
         problem = source.notes.get(PROBLEM_NOTE, "")
+        lost = json.loads(source.notes.get(LOST_NOTE, "[]"))
+        own = (LOST_NOTE, PROBLEM_NOTE)
         return Recording(
-            path=path,
-            namespace=chosen,
-            topics=topics,
-            passes=_passes(topics.get("passes")),
-            warnings=collector.complaints(),
-            others=dict(sorted(collector.others.items())),
-            notes={key: text for key, text in source.notes.items() if key not in (LOST_NOTE, PROBLEM_NOTE)},
-            not_recorded=tuple(TopicLoss(**item) for item in json.loads(source.notes.get(LOST_NOTE, "[]"))),
-            problems=(*([problem] if problem else []), *collector.all_problems()),
-        )
+            path=path, namespace=chosen, topics=topics, passes=_passes(topics.get("passes")),
+            warnings=collector.complaints(), others=dict(sorted(collector.others.items())),
+            notes={key: text for key, text in source.notes.items() if key not in own},
+            not_recorded=tuple(TopicLoss(**item) for item in lost),
+            problems=(*filter(None, [problem]), *collector.all_problems()),
+        )  # fmt: skip
 
 
 def _antennas(source: BagSource) -> list[str]:
@@ -362,9 +328,9 @@ def _passes(data: TopicData | None) -> tuple[Pass, ...]:
     found: list[Pass] = []
     for new in (_pass(item) for entry in (data["passes"] if data is not None else ()) for item in entry):
         # A list that is published again has better times of the same pass.
-        found = [
-            old for old in found if old.target != new.target or old.aos_ns >= new.los_ns or new.aos_ns >= old.los_ns
-        ] + [new]
+        apart = (old.aos_ns >= new.los_ns or new.aos_ns >= old.los_ns for old in found)
+        others = [o for o, far in zip(found, apart, strict=True) if far or o.target != new.target]
+        found = [*others, new]
     return tuple(sorted(found, key=lambda item: item.aos_ns))
 
 

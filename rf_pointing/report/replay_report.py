@@ -14,7 +14,7 @@ import numpy as np
 
 from rf_pointing.core import MDEG, random_stream
 from rf_pointing.core.pass_outcome import is_held, pointing_loss_db, received_power
-from rf_pointing.core.types import Array
+from rf_pointing.core.types import Array, Pair
 from rf_pointing.report.picture_style import figure, legend_above
 from rf_pointing.servo import PlantParams
 from rf_pointing.simulation.open_loop import Signals
@@ -76,24 +76,22 @@ def _wear(signals: Signals, plant: PlantParams | None) -> dict[str, tuple[Array,
         counts = np.array([np.sum(getattr(each, name)) for each in drive], dtype=np.float64)
         # The counts begin anew with each tracking.
         if len(counts) > 1:
-            found[name] = (
-                np.array([each.t_s for each in drive[1:]]),
-                np.maximum(np.diff(counts), 0.0),
-            )
+            times = np.array([each.t_s for each in drive[1:]])
+            found[name] = times, np.maximum(np.diff(counts), 0.0)
     if plant is not None and drive and joints:
         known = {each.t_s: each.velocity_rad_s for each in joints}
         rows = [each for each in drive if each.t_s in known]
         stamps = np.array([each.t_s for each in rows])
         gaps = np.reshape([each.rate_command_rad_s - known[each.t_s] for each in rows], (-1, 2))
-        times = [np.zeros(0)]
+        turns = [np.zeros(0)]
         for index, axis in enumerate((plant.azimuth, plant.elevation)):
             # The motors push by J w_d (u - v); steady motion takes the friction of them.
             push = axis.inertia_kg_m2 * axis.drive_bandwidth_rad_s * gaps[:, index]
             # Below it the push is noise about zero, each crossing of which wears nothing.
             pushing = np.abs(push) > HYSTERESIS * axis.coulomb_friction_n_m
             at, sign = stamps[pushing], np.sign(push[pushing])
-            times.append(at[1:][sign[1:] != sign[:-1]])
-        turned = np.sort(np.concatenate(times))
+            turns.append(at[1:][sign[1:] != sign[:-1]])
+        turned = np.sort(np.concatenate(turns))
         found["torque reversals"] = turned, np.ones(len(turned))
     return found
 
@@ -140,9 +138,7 @@ def settled_s(flown: Flown, start_s: float) -> float:
     return start_s
 
 
-def changes(
-    flights: Sequence[Flown], span_s: tuple[float, float], source: str
-) -> list[MetricChange]:  # fmt: skip
+def changes(flights: Sequence[Flown], span_s: Pair, source: str) -> list[MetricChange]:
     """Return every metric that is known, over the time from begin to end of the pass.
 
     `flights` are what was recorded, simulated as recorded, and simulated with changes.  Errors
@@ -216,9 +212,7 @@ def _metric(name: str, table: dict[str, Array], rows: Any) -> Array:
     return held if name == "held" else part["span"] - held
 
 
-def draw_replay(
-    path: Path, flights: Sequence[tuple[str, Flown]], span_s: tuple[float, float]
-) -> None:  # fmt: skip
+def draw_replay(path: Path, flights: Sequence[tuple[str, Flown]], span_s: Pair) -> None:
     """Draw the errors of the flights over the time of the pass into a PNG."""
     with figure(path, 9.0, 5.4) as drawing:
         rows = drawing.subplots(2, 1, sharex=True)

@@ -12,25 +12,11 @@ from rf_pointing.core.dates import utc_text
 from rf_pointing.core.modes import Sensor
 from rf_pointing.core.types import Array, IntArray
 from rf_pointing.planning.horizon import HORIZON_NOTE
+from rf_pointing.report import summary as table
 from rf_pointing.report.analysis import Analysis, ErrorSeries, Interval, Timeline, statistics_of, tracking_modes
 from rf_pointing.report.outcome import verdict
 from rf_pointing.report.recording import Pass, Recording
-from rf_pointing.report.summary import (
-    SCHEMA,
-    AxisLimits,
-    BagInfo,
-    Commands,
-    Headline,
-    Link,
-    ModeInterval,
-    ModeStatistics,
-    NotRecorded,
-    PassInfo,
-    Servo,
-    Summary,
-    percentile_99,
-    reduced,
-)
+from rf_pointing.report.summary import percentile_99, reduced
 from rf_pointing.report.topics import TopicData
 from rf_pointing.report.traffic import latencies, topic_traffic
 
@@ -38,41 +24,31 @@ from rf_pointing.report.traffic import latencies, topic_traffic
 _ACCELERATION_SPAN_S = 0.5
 
 
-def summarize(analysis: Analysis) -> Summary:
+def summarize(analysis: Analysis) -> table.Summary:
     """Return the table of a recording; what it does not give is None and listed in `problems`."""
     recording, modes, errors = analysis.recording, analysis.modes, analysis.errors
     spans = modes.intervals() if modes is not None else []
     traffic = topic_traffic(recording)
     lost = sum(row.lost or 0 for row in traffic) + sum(item.count for item in recording.not_recorded)
-    return Summary(
-        schema=SCHEMA,
-        bag=_bag(recording),
+    return table.Summary(
+        schema=table.SCHEMA, bag=_bag(recording), outcome=verdict(analysis),
         target_pass=_pass_info(analysis.target_pass) if analysis.target_pass else None,
-        outcome=verdict(analysis),
-        headline=_headline(errors, analysis.acquired_ns, lost),
-        acquisition=analysis.acquisition,
-        modes=_mode_rows(errors, spans),
+        headline=_headline(errors, analysis.acquired_ns, lost), acquisition=analysis.acquisition,
+        modes=_mode_rows(errors, spans), topics=traffic, latency=latencies(recording),
         timeline=[
-            ModeInterval(
-                mode=i.mode, start_s=(i.start_ns - spans[0].start_ns) * 1e-9, seconds=i.seconds, reason=i.reason
-            )
-            for i in spans
+            table.ModeInterval(i.mode, (i.start_ns - spans[0].start_ns) * 1e-9, i.seconds, i.reason) for i in spans
         ],
         link=_link(recording, modes, analysis.acquired_ns),
-        commands=_commands(recording, modes),
-        servo=servo(recording),
-        topics=traffic,
-        latency=latencies(recording),
+        commands=_commands(recording, modes), servo=servo(recording),
         not_recorded=[
-            NotRecorded(topic=i.topic, count=i.count, first_lost_utc=utc_text(i.first_log_time_ns * 1e-9))
-            for i in recording.not_recorded
+            table.NotRecorded(i.topic, i.count, utc_text(i.first_log_time_ns * 1e-9)) for i in recording.not_recorded
         ],
         warnings=list(recording.warnings),
         problems=[*recording.problems, *_missing(recording, errors)],
-    )
+    )  # fmt: skip
 
 
-def _bag(recording: Recording) -> BagInfo:
+def _bag(recording: Recording) -> table.BagInfo:
     filled = [data for data in recording.topics.values() if len(data)]
     # First and last only; latched topics have one message.
     logs = np.concatenate([data.log_time_ns[[0, -1]] for data in filled]) if filled else np.zeros(0, dtype=np.int64)
@@ -82,52 +58,38 @@ def _bag(recording: Recording) -> BagInfo:
     start = min((int(np.min(s)) for s in stamps), default=None)
     simulated = (max(int(np.max(s)) for s in stamps) - start) * 1e-9 if start is not None else None
     wall = float(np.max(logs) - np.min(logs)) * 1e-9 if len(logs) else None
-    return BagInfo(
-        path=str(recording.path),
-        namespace=recording.namespace or "/",
+    return table.BagInfo(
+        path=str(recording.path), namespace=recording.namespace or "/",
         start_utc=utc_text(start * 1e-9) if start is not None else None,
-        simulated_s=simulated,
-        wall_s=wall,
+        simulated_s=simulated, wall_s=wall,
         speed=simulated / wall if simulated is not None and wall else None,
         message_count=sum(len(data) for data in filled) + sum(recording.others.values()),
         notes={name: text for name, text in recording.notes.items() if name != HORIZON_NOTE},
-    )
+    )  # fmt: skip
 
 
-def _pass_info(item: Pass) -> PassInfo:
-    return PassInfo(
-        target=item.target,
-        aos_utc=utc_text(item.aos_ns * 1e-9),
-        tca_utc=utc_text(item.tca_ns * 1e-9),
-        los_utc=utc_text(item.los_ns * 1e-9),
-        peak_elevation_deg=float(np.degrees(item.peak_elevation_rad)),
-    )
+def _pass_info(item: Pass) -> table.PassInfo:
+    aos, tca, los = (utc_text(each * 1e-9) for each in (item.aos_ns, item.tca_ns, item.los_ns))
+    return table.PassInfo(item.target, aos, tca, los, float(np.degrees(item.peak_elevation_rad)))
 
 
-def _headline(errors: ErrorSeries | None, acquired_ns: int | None, lost: int) -> Headline:
+def _headline(errors: ErrorSeries | None, acquired_ns: int | None, lost: int) -> table.Headline:
     # The search is not a fault of the loop, so the headline begins when the loop has settled.
     over = "tracking" if acquired_ns is None else "after acquisition"
     if errors is None:
-        return Headline(over=over, messages_lost=lost)
+        return table.Headline(over=over, messages_lost=lost)
     chosen = np.isin(errors.mode, tracking_modes()) & (errors.stamp_ns >= (acquired_ns or 0))
     width = errors.beamwidth_rad[chosen]
-    return Headline(
-        error_source=errors.source,
-        over=over,
-        seconds=_seconds(errors, chosen),
-        beamwidth_mdeg=reduced(np.median, width / MDEG),
+    step_s = float(np.median(np.diff(errors.stamp_ns))) * 1e-9 if len(errors.stamp_ns) > 1 else 0.0
+    return table.Headline(
+        error_source=errors.source, over=over, seconds=float(np.sum(chosen)) * step_s,
+        beamwidth_mdeg=reduced(np.median, width / MDEG), messages_lost=lost,
         error=statistics_of(errors.error_rad[chosen], width),
         program_track_alone=statistics_of(errors.alone_rad[chosen], width),
-        messages_lost=lost,
-    )
+    )  # fmt: skip
 
 
-def _seconds(errors: ErrorSeries, chosen: np.ndarray) -> float:
-    step = float(np.median(np.diff(errors.stamp_ns))) * 1e-9 if len(errors.stamp_ns) > 1 else 0.0
-    return float(np.sum(chosen)) * step
-
-
-def _mode_rows(errors: ErrorSeries | None, spans: list[Interval]) -> list[ModeStatistics]:
+def _mode_rows(errors: ErrorSeries | None, spans: list[Interval]) -> list[table.ModeStatistics]:
     rows = []
     for mode in dict.fromkeys(span.mode for span in spans):
         # A mode without samples still has its row, with its time.
@@ -138,9 +100,7 @@ def _mode_rows(errors: ErrorSeries | None, spans: list[Interval]) -> list[ModeSt
             if mode in tracking_modes():
                 alone = statistics_of(errors.alone_rad[chosen], errors.beamwidth_rad[chosen])
         own = [span.seconds for span in spans if span.mode == mode]
-        rows.append(
-            ModeStatistics(mode=mode, seconds=sum(own), entered=len(own), error=error, program_track_alone=alone)
-        )
+        rows.append(table.ModeStatistics(mode, sum(own), len(own), error, alone))
     return rows
 
 
@@ -174,39 +134,30 @@ def link_series(recording: Recording) -> tuple[str, IntArray, Array] | None:
     return None
 
 
-def _link(recording: Recording, modes: Timeline | None, acquired_ns: int | None) -> Link:
+def _link(recording: Recording, modes: Timeline | None, acquired_ns: int | None) -> table.Link:
     """Return C/N0 after acquisition, else while tracking, else of the whole recording."""
     series = link_series(recording)
     over = "recording" if modes is None else "tracking" if acquired_ns is None else "after acquisition"
     if series is None:
-        return Link(over=over)
+        return table.Link(over)
     name, stamps, values = series
     chosen = values[modes.is_tracking_at(stamps) & (stamps >= (acquired_ns or 0))] if modes is not None else values
-    return Link(
-        source=name,
-        over=over,
-        carrier_to_noise_min_db_hz=reduced(np.min, chosen),
-        carrier_to_noise_median_db_hz=reduced(np.median, chosen),
-    )
+    return table.Link(over, name, reduced(np.min, chosen), reduced(np.median, chosen))
 
 
-def _commands(recording: Recording, modes: Timeline | None) -> Commands:
+def _commands(recording: Recording, modes: Timeline | None) -> table.Commands:
     """Return the command lead while tracking, and the servo's counters at the end."""
     status, antenna = recording.get("tracking_status"), recording.get("antenna_status")
     # Before and after tracking the controller sends no commands that could lead.
     lead = modes.columns["command_lead"][modes.is_tracking_at(modes.stamp_ns)] if modes is not None else np.zeros(0)
     buffered = antenna["command_lead"][antenna["mode"] == "tracking"] if antenna is not None else np.zeros(0)
-    return Commands(
-        lead_min_s=reduced(np.min, lead),
-        lead_median_s=reduced(np.median, lead),
-        servo_lead_min_s=reduced(np.min, buffered),
-        sent=_last(status, "commands_sent"),
-        accepted=_last(antenna, "commands_accepted"),
-        rejected=_last(antenna, "commands_rejected"),
+    return table.Commands(
+        lead_min_s=reduced(np.min, lead), lead_median_s=reduced(np.median, lead),
+        servo_lead_min_s=reduced(np.min, buffered), sent=_last(status, "commands_sent"),
+        accepted=_last(antenna, "commands_accepted"), rejected=_last(antenna, "commands_rejected"),
         last_rejection=str(antenna["last_rejection"][-1]) if antenna is not None else "",
-        offsets=_texts(status, "offsets"),
-        sun_permit=_texts(antenna, "sun_permit"),
-    )
+        offsets=_texts(status, "offsets"), sun_permit=_texts(antenna, "sun_permit"),
+    )  # fmt: skip
 
 
 class AxisMotion:
@@ -232,7 +183,7 @@ def axis_motion(recording: Recording) -> AxisMotion | None:
     return AxisMotion(joints) if joints is not None and joints.stamp_ns is not None else None
 
 
-def servo(recording: Recording) -> Servo:
+def servo(recording: Recording) -> table.Servo:
     """Return tick lateness, deviation of the servo's period, faults and axes."""
     antenna, joints = recording.get("antenna_status"), recording.get("joint_states")
     lateness = antenna["tick_lateness"] * 1e3 if antenna is not None else np.zeros(0)
@@ -241,30 +192,22 @@ def servo(recording: Recording) -> Servo:
     # Gaps are counted in median periods: the recorder does not know the nominal one.
     deviation = np.abs(period - np.median(period)) if len(period) else period
     faults = dict.fromkeys(str(text) for text in antenna["fault"] if text) if antenna is not None else {}
-    return Servo(
-        tick_lateness_p99_ms=reduced(percentile_99, lateness),
+    moves: dict[str, Any] = {}
+    if antenna is not None:
+        # Those of a drive that takes positions begin anew with the next tracking: the last of them
+        # may be that of a park.
+        row = int(np.argmax(antenna["set_points"]))
+        counts = "set_points", "starts", "reversals"
+        moves = {name: np.asarray(antenna[name][row]).tolist() for name in counts}
+    return table.Servo(
+        tick_lateness_p99_ms=reduced(percentile_99, lateness), faults=list(faults),
         tick_lateness_max_ms=reduced(np.max, lateness),
         period_deviation_p99_ms=reduced(percentile_99, deviation),
-        faults=list(faults),
-        axes=[_axis(recording, index) for index in range(len(AXES))],
-        **_moves(antenna),
-    )
+        axes=[_axis(recording, index) for index in range(len(AXES))], **moves,
+    )  # fmt: skip
 
 
-def _moves(antenna: TopicData | None) -> dict[str, Any]:
-    """Return the counts of a drive that takes positions, at the end of the longest tracking."""
-    if antenna is None:
-        return {}
-    # The counts begin anew with the next tracking: the last of them may be that of a park.
-    row = int(np.argmax(antenna["set_points"]))
-    return {
-        "set_points": int(antenna["set_points"][row]),
-        "starts": [int(each) for each in antenna["starts"][row]],
-        "reversals": [int(each) for each in antenna["reversals"][row]],
-    }
-
-
-def _axis(recording: Recording, index: int) -> AxisLimits:
+def _axis(recording: Recording, index: int) -> table.AxisLimits:
     motion, antenna = axis_motion(recording), recording.get("antenna_status")
     rate = motion.rate_rad_s[:, index] if motion is not None else np.zeros(0)
     acceleration = motion.acceleration_rad_s2[:, index] if motion is not None else np.zeros(0)
@@ -276,14 +219,9 @@ def _axis(recording: Recording, index: int) -> AxisLimits:
         )
         if antenna.stamp_ns is not None and len(antenna) > 1:
             at_limit_s = float(np.sum(antenna["at_limit"][:, index]) * np.median(np.diff(antenna.stamp_ns)) * 1e-9)
-    return AxisLimits(
-        axis=AXES[index],
-        peak_rate_deg_s=reduced(np.max, np.degrees(np.abs(rate))),
-        rate_limit_deg_s=rate_limit,
-        peak_acceleration_deg_s2=reduced(np.max, np.degrees(np.abs(acceleration))),
-        acceleration_limit_deg_s2=acceleration_limit,
-        at_limit_s=at_limit_s,
-    )
+    peak_rate, peak_acceleration = (reduced(np.max, np.degrees(np.abs(each))) for each in (rate, acceleration))
+    limits = rate_limit, peak_acceleration, acceleration_limit, at_limit_s
+    return table.AxisLimits(AXES[index], peak_rate, *limits)
 
 
 def _texts(data: TopicData | None, column: str) -> str:

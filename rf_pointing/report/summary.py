@@ -5,7 +5,6 @@ Every key is always present; a value that the recording does not give is null, n
 
 import dataclasses
 import json
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
@@ -43,7 +42,7 @@ class BagInfo:
     notes: dict[str, str]
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class PassInfo:
     """The predicted pass that was tracked."""
 
@@ -54,7 +53,7 @@ class PassInfo:
     peak_elevation_deg: float
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Spread:
     """Root mean square, 95th percentile and largest magnitude of an error."""
 
@@ -63,7 +62,7 @@ class Spread:
     max_mdeg: Number = None
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class ErrorStatistics:
     """Errors of the beam over some samples; the loss is null outside tracking.
 
@@ -79,7 +78,7 @@ class ErrorStatistics:
     inside_half_power_percent: Number
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class ModeStatistics:
     """One tracking mode: time in it, its error, and that of program track alone meanwhile."""
 
@@ -90,7 +89,7 @@ class ModeStatistics:
     program_track_alone: ErrorStatistics | None
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class ModeInterval:
     """One stretch in one mode."""
 
@@ -110,7 +109,7 @@ class Acquisition:
     settled_below_mdeg: Number = None
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class OutcomeNumbers:
     """Seconds held and lost, and the loss of the mean power, by `core/pass_outcome.py`."""
 
@@ -175,7 +174,7 @@ class TopicTraffic:
     not_recorded: int
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Latency:
     """Wall time between the reception of two causally linked messages.
 
@@ -210,7 +209,7 @@ class Commands:
     sun_permit: str
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class AxisLimits:
     """Largest rate and acceleration (mean over half a second) of one axis, and its limits."""
 
@@ -240,17 +239,17 @@ class Servo:
     reversals: list[int] = field(default_factory=lambda: [0, 0])
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Link:
     """Carrier-to-noise density over the time of the headline, and the topic it was read from."""
 
-    source: str | None = None
     over: str
+    source: str | None = None
     carrier_to_noise_min_db_hz: Number = None
     carrier_to_noise_median_db_hz: Number = None
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class NotRecorded:
     """Messages that the recorder could not write."""
 
@@ -259,7 +258,7 @@ class NotRecorded:
     first_lost_utc: str
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Complaint:
     """A report on /diagnostics above OK; messages that differ only in numbers count as one."""
 
@@ -292,15 +291,6 @@ class Summary:
 
 def to_json(summary: Summary) -> str:
     """Return the summary as JSON text in which numbers that are not finite are null."""
-    return json.dumps(_plain(dataclasses.asdict(summary)), indent=2, allow_nan=False) + "\n"
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _plain(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(item) for item in value]
     # NaN is not JSON; most readers refuse a file that has one.
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    return value
+    plain = json.loads(json.dumps(dataclasses.asdict(summary)), parse_constant=lambda _: None)
+    return json.dumps(plain, indent=2, allow_nan=False) + "\n"

@@ -4,6 +4,7 @@ A column is a name and the attribute of the message it comes from; no other attr
 """
 
 import math
+import re
 import struct
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -22,7 +23,14 @@ from rf_pointing.core.mount_types import axes_among
 from rf_pointing.core.types import Array, IntArray
 
 Head = tuple[int, ...]
+# The leftmost match counts: `aos_t_s` loses `_t_s`, not only `_s`.
+_UNIT = re.compile(r"_(rad_s2|rad_s|rad2|rad|m_s|m|t_s|s|w|db_hz|db)$")
 _IDL_SEPARATOR = "=" * 80 + "\n"
+
+
+def wire_name(name: str) -> str:
+    """Return the name of a message's field: that of the signal's without the unit."""
+    return _UNIT.sub("", name)
 
 
 @dataclass(frozen=True)
@@ -45,12 +53,11 @@ class TopicData:
     def part(self, chosen: NDArray[np.bool_]) -> "TopicData":
         """Return only the messages that are `chosen` (n,)."""
         return replace(
-            self,
-            log_time_ns=self.log_time_ns[chosen],
+            self, log_time_ns=self.log_time_ns[chosen],
             stamp_ns=None if self.stamp_ns is None else self.stamp_ns[chosen],
             sequence=None if self.sequence is None else self.sequence[chosen],
             columns={name: values[chosen] for name, values in self.columns.items()},
-        )
+        )  # fmt: skip
 
     @property
     def t_s(self) -> Array:
@@ -127,15 +134,13 @@ class TopicLayout:
     periodic: bool = True
 
 
-def _own(name: str, *columns: str, periodic: bool = True, added: dict[str, Any] | None = None) -> TopicLayout:
+def own_layout(name: str, *columns: str, periodic: bool = True, added: dict[str, Any] | None = None) -> TopicLayout:
     """Return the layout of a message of ours; `added` fields are missing in older recordings."""
     later = added or {}
 
     def row(message: Any) -> Row:
-        return (
-            *(getattr(message, column) for column in columns),
-            *(getattr(message, column, blank) for column, blank in later.items()),
-        )
+        own = (getattr(message, column) for column in columns)
+        return *own, *(getattr(message, column, blank) for column, blank in later.items())
 
     return TopicLayout(f"rf_pointing_msgs/msg/{name}", (*columns, *later), row, periodic)
 
@@ -156,18 +161,18 @@ def _certificate_row(message: Any) -> Row:
     return message.target, *times, chosen is not None, *numbers, getattr(message, "least_share", 0.0)
 
 
-_ERROR = _own("PointingError", "cross_elevation", "elevation", "carrier_to_noise", "sensor", "valid", "reason")
+_ERROR = own_layout("PointingError", "cross_elevation", "elevation", "carrier_to_noise", "sensor", "valid", "reason")
 
 TOPICS: dict[str, TopicLayout] = {
     "clock": TopicLayout("rosgraph_msgs/msg/Clock", (), lambda _: ()),
-    "target": _own(
+    "target": own_layout(
         "Target", "target", "azimuth", "elevation", "azimuth_rate", "elevation_rate", "azimuth_acceleration",
         "elevation_acceleration", "range", "range_rate",
     ),
-    "passes": _own("PassList", "passes", periodic=False),
-    "pointing_model": _own("PointingModel", "name", periodic=False),
+    "passes": own_layout("PassList", "passes", periodic=False),
+    "pointing_model": own_layout("PointingModel", "name", periodic=False),
     "joint_trajectory": TopicLayout("trajectory_msgs/msg/JointTrajectory", (), lambda _: ()),
-    "tracking_status": _own(
+    "tracking_status": own_layout(
         "TrackingStatus", "mode", "target", "reason", "azimuth", "elevation", "scan_centre", "cross_elevation_error",
         "elevation_error", "cross_elevation_offset", "elevation_offset", "carrier_to_noise", "beamwidth",
         "command_lead", "commands_sent",
@@ -180,16 +185,16 @@ TOPICS: dict[str, TopicLayout] = {
         _certificate_row, periodic=False,
     ),
     "joint_states": TopicLayout("sensor_msgs/msg/JointState", ("position", "velocity"), _joint_row),
-    "antenna_status": _own(
+    "antenna_status": own_layout(
         "AntennaStatus", "mode", "fault", "rate_command", "rate_limit", "acceleration_limit", "at_limit",
         "command_lead", "tick_lateness", "commands_accepted", "commands_rejected", "last_rejection",
         added={"set_points": 0, "starts": [0, 0], "reversals": [0, 0], "sun_permit": ""},
     ),
-    "sim/boresight": _own("Boresight", "azimuth", "elevation"),
+    "sim/boresight": own_layout("Boresight", "azimuth", "elevation"),
     "sim/pointing_error": _ERROR,
     # The topic of the samples bears the name of their sensor.
-    Sensor.MONOPULSE: _own("Monopulse", "carrier_to_noise"),
-    "carrier_power": _own("CarrierPower", "power", "carrier_to_noise"),
+    Sensor.MONOPULSE: own_layout("Monopulse", "carrier_to_noise"),
+    "carrier_power": own_layout("CarrierPower", "power", "carrier_to_noise"),
     "pointing_error": _ERROR,
 }  # fmt: skip
 """Layout by topic name relative to the antenna's namespace."""

@@ -6,7 +6,7 @@ reference is the recorded target, which is apparent already.  A damaged recordin
 its damage, unless `allow_damage` takes its sound part.
 """
 
-from dataclasses import dataclass
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -16,51 +16,30 @@ from numpy.typing import NDArray
 from rf_pointing.calibration import RawTracking, ReferenceTrack, split_passes
 from rf_pointing.core.types import Array
 from rf_pointing.report.recording import Recording, read_recording
-from rf_pointing.report.topics import TopicData
+from rf_pointing.report.topics import TopicData, wire_name
 from rf_pointing.tracking.sensors import SENSORS, load_trackers
 
 PASS_GAP_S = 120.0
 FEWEST_SAMPLES = 30
-_REFERENCE_COLUMNS = {
-    "azimuth_rad": "azimuth",
-    "elevation_rad": "elevation",
-    "azimuth_rate_rad_s": "azimuth_rate",
-    "elevation_rate_rad_s": "elevation_rate",
-    "azimuth_acceleration_rad_s2": "azimuth_acceleration",
-    "elevation_acceleration_rad_s2": "elevation_acceleration",
-    "range_m": "range",
-    "range_rate_m_s": "range_rate",
-}
+_REFERENCE = [each.name for each in fields(ReferenceTrack) if each.name not in ("t_s", "mount")]
 
 
 def tracking_from_bag(
-    path: Path | str,
-    station: str,
-    band: str,
-    *,
-    namespace: str | None = None,
-    largest_error_rad: float = np.inf,
-    allow_damage: bool = False,
-) -> list[tuple[RawTracking, ReferenceTrack]]:
+    path: Path | str, station: str, band: str, *, namespace: str | None = None,
+    largest_error_rad: float = np.inf, allow_damage: bool = False,
+) -> list[tuple[RawTracking, ReferenceTrack]]:  # fmt: skip
     """Return the passes of a recording in order of time, each with its ephemeris' motion.
 
     Parameters
     ----------
-    path
-        Any rosbag2 recording: a bag directory, or one MCAP or sqlite3 file.
-    station, band
-        The owner of the data; refused if the recording's notes contradict it.
-    namespace
-        Name of the antenna, needed when the bag holds several.
-    largest_error_rad
-        Samples of a larger sensed error are not good: off its axis a sensor is not calibrated.
-    allow_damage
-        Use what could be read of a damaged recording.
+    path : a bag directory, or one MCAP or sqlite3 file.
+    station, band : the owner of the data; refused if the recording's notes contradict it.
+    namespace : name of the antenna, needed when the bag holds several.
+    largest_error_rad : a larger sensed error is not good: off its axis a sensor is not calibrated.
+    allow_damage : use what could be read of a damaged recording.
 
-    Raises
-    ------
-    ValueError
-        Not a recording, damage, another station or band, or no tracking by a sensor in it.
+    ValueError for another kind of file, damage, another station or band, and no tracking by a
+    sensor.
     """
     recording = read_recording(path, namespace=namespace)
     if recording.problems and not allow_damage:
@@ -98,26 +77,20 @@ def _stretches(targets: TopicData) -> list[tuple[str, ReferenceTrack]]:
         times, first = np.unique(t_s[rows], return_index=True)
         chosen = rows[first]
         if len(times) >= 2:
-            columns: dict[str, Any] = {
-                core: targets[name][chosen].astype(np.float64) for core, name in _REFERENCE_COLUMNS.items()
-            }
+            values = (targets[wire_name(name)][chosen].astype(np.float64) for name in _REFERENCE)
+            columns: dict[str, Any] = dict(zip(_REFERENCE, values, strict=True))
             # A target that crosses north jumps by a turn, which no interpolation may follow.
             columns["azimuth_rad"] = np.unwrap(columns["azimuth_rad"])
             found.append((str(names[chosen[0]]), ReferenceTrack(t_s=times, **columns)))
     return found
 
 
-@dataclass(frozen=True)
-class _Sensed:
-    """Errors of the sensor in force, and the axis angles (n, 2) that they belong to."""
-
-    t_s: Array
-    position_rad: Array
-    error_rad: Array
-    valid: NDArray[np.bool_]
+_Sensed = tuple[Array, Array, Array, NDArray[np.bool_]]
+"""Times (n,), axis angles and the errors of the sensor (n, 2) there, and which are valid."""
 
 
 def _sensed(recording: Recording) -> _Sensed:
+    """Return the errors of the sensor in force."""
     errors = _needed(recording, "pointing_error")
     t_s, sensor = errors.t_s, errors["sensor"].astype(str)
     moving = [traits.name for traits in SENSORS.values() if traits.scans]
@@ -140,7 +113,7 @@ def _sensed(recording: Recording) -> _Sensed:
     _, first = np.unique(t_s[rows], return_index=True)
     rows = rows[first]
     error = np.column_stack([errors["cross_elevation"], errors["elevation"]])
-    return _Sensed(t_s[rows], position[rows], error[rows], errors["valid"].astype(bool)[rows])
+    return t_s[rows], position[rows], error[rows], errors["valid"].astype(bool)[rows]
 
 
 def _interpolated(data: TopicData, column: str, t_s: Array) -> Array:
@@ -156,10 +129,10 @@ def _interpolated(data: TopicData, column: str, t_s: Array) -> Array:
 def _recorded(
     sensed: _Sensed, reference: ReferenceTrack, target: str, station: str, band: str, largest_error_rad: float
 ) -> RawTracking | None:
-    rows = np.flatnonzero(reference.covers(sensed.t_s))
-    azimuth, elevation = sensed.position_rad[rows].T
-    across, up = sensed.error_rad[rows].T
-    valid, near = sensed.valid[rows], np.hypot(across, up) <= largest_error_rad
+    t_s, position, error, is_valid = sensed
+    rows = np.flatnonzero(reference.covers(t_s))
+    (azimuth, elevation), (across, up) = position[rows].T, error[rows].T
+    valid, near = is_valid[rows], np.hypot(across, up) <= largest_error_rad
     good = valid & near
     if int(np.sum(good)) < FEWEST_SAMPLES:
         return None
@@ -171,14 +144,7 @@ def _recorded(
     # Over the top upward on the sky is downward on the axis.
     upward = np.where(elevation > 0.5 * np.pi, -up, up)
     return RawTracking(
-        station=station,
-        band=band,
-        target=target,
-        t_s=sensed.t_s[rows],
-        azimuth_rad=azimuth + across / np.abs(np.cos(elevation)),
-        elevation_rad=elevation + upward,
-        range_m=None,
-        range_rate_m_s=None,
-        good=good,
-        notes=(left_out,) if far else (),
-    )
+        station=station, band=band, target=target, t_s=t_s[rows],
+        azimuth_rad=azimuth + across / np.abs(np.cos(elevation)), elevation_rad=elevation + upward,
+        range_m=None, range_rate_m_s=None, good=good, notes=(left_out,) if far else (),
+    )  # fmt: skip

@@ -71,18 +71,13 @@ def _traffic(name: str, sensor: str | None, data: TopicData, not_recorded: int) 
     lost, counted_by, restarts = _losses(data, steps, period_ns)
     wall_s = (data.log_time_ns[-1] - data.log_time_ns[0]) * 1e-9 if len(data) > 1 else 0.0
     return TopicTraffic(
-        topic=data.topic,
-        sensor=sensor,
-        type=data.type_name,
-        count=len(data),
+        topic=data.topic, sensor=sensor, type=data.type_name, count=len(data),
         rate_hz=1e9 / period_ns if period_ns else None,
         wall_rate_hz=float((len(data) - 1) / wall_s) if periodic and wall_s > 0.0 else None,
-        lost=lost,
-        counted_by=counted_by,
-        restarts=restarts,
+        lost=lost, counted_by=counted_by, restarts=restarts,
         longest_gap_s=float(np.max(steps)) * 1e-9 if period_ns else None,
         not_recorded=not_recorded,
-    )
+    )  # fmt: skip
 
 
 def _losses(data: TopicData, steps: IntArray, period_ns: float | None) -> tuple[int | None, str | None, int]:
@@ -147,13 +142,6 @@ def _reaction_ns(cause: TopicData, effect: TopicData) -> IntArray:
 
 
 def _latency(hop: Hop, difference_ns: IntArray) -> Latency:
-    milliseconds = difference_ns * 1e-6
-    return Latency(
-        cause=hop.cause,
-        effect=hop.effect,
-        kind=hop.kind,
-        count=len(milliseconds),
-        median_ms=reduced(np.median, milliseconds),
-        p99_ms=reduced(percentile_99, milliseconds),
-        max_ms=reduced(np.max, milliseconds),
-    )
+    taken_ms = difference_ns * 1e-6
+    middle, late, longest = (reduced(each, taken_ms) for each in (np.median, percentile_99, np.max))
+    return Latency(hop.cause, hop.effect, hop.kind, len(taken_ms), middle, late, longest)

@@ -1,6 +1,6 @@
 """From a bag to a report: `report.html`, and next to it `summary.json` and the pictures."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import astuple, replace
 from pathlib import Path
 
@@ -12,7 +12,7 @@ from rf_pointing.report.outcome import judged_by_night
 from rf_pointing.report.pictures import Caption, draw_pictures
 from rf_pointing.report.recording import read_recording
 from rf_pointing.report.statistics import summarize
-from rf_pointing.report.summary import ErrorStatistics, Summary, to_json
+from rf_pointing.report.summary import ErrorStatistics, Headline, ModeStatistics, Summary, to_json
 
 Row = Sequence[Cell]
 BAR = Caption(
@@ -24,19 +24,9 @@ BAR = Caption(
 def write_report(bag_path: Path | str, output_dir: Path | str, *, namespace: str | None = None) -> Summary:
     """Write the report of one antenna and return its table.
 
-    Parameters
-    ----------
-    bag_path
-        Any rosbag2 recording: a bag directory, or one MCAP or sqlite3 file.
-    output_dir
-        Folder of the report; made if it is missing, an older report in it is replaced.
-    namespace
-        Which antenna, needed when the bag holds several.
-
-    Raises
-    ------
-    ValueError
-        The recording cannot be read, or holds no antenna, or several.
+    `bag_path` is a bag directory, or one MCAP or sqlite3 file, `namespace` one of several antennas
+    in it.  The folder is made if it is missing, an older report in it replaced.  ValueError for a
+    recording that cannot be read, or holds no antenna, or several.
     """
     analysis = analyse(read_recording(bag_path, namespace=namespace))
     summary = summarize(analysis)
@@ -67,12 +57,9 @@ def page(summary: Summary, pictures: Mapping[Path, Caption], ledger: Ledger | No
     return render(
         "pass.html",
         title=f"Pass of {found.target}" if found is not None else f"Recording of {summary.bag.namespace}",
-        summary=summary,
-        pictures=pictures,
-        complaints=[*summary.problems, *lost],
-        tables=_tables(summary) | {"ledger": list(ledger.rows()) if ledger else []},
-        ledger=ledger,
-    )
+        summary=summary, pictures=pictures, complaints=[*summary.problems, *lost],
+        tables=_tables(summary) | {"ledger": list(ledger.rows()) if ledger else []}, ledger=ledger,
+    )  # fmt: skip
 
 
 def _tables(summary: Summary) -> dict[str, list[Row]]:
@@ -105,30 +92,21 @@ def _tables(summary: Summary) -> dict[str, list[Row]]:
 
 
 def _error_rows(summary: Summary) -> list[Row]:
-    headline = summary.headline
+    # The headline is the first row, before the modes it is made of.
+    named: list[tuple[str, Headline | ModeStatistics]] = [(summary.headline.over, summary.headline)]
+    named += [(each.mode.replace("_", " "), each) for each in summary.modes]
     found: list[Row] = []
-    if headline.error is not None:
-        # The headline is the first row, before the modes it is made of.
-        found += _error_pair(headline.over, headline.seconds, headline.error, headline.program_track_alone)
-    for mode in summary.modes:
-        found += _error_pair(mode.mode.replace("_", " "), mode.seconds, mode.error, mode.program_track_alone)
+    for name, row in named:
+        alone = row.program_track_alone
+        if row.error is not None:
+            found.append((name, row.seconds, *_error_cells(row.error)))
+        # Without an offset in the status it is not known what program track alone would do.
+        if alone is not None and alone.samples:
+            found.append(("\u2003program track alone", None, *_error_cells(alone)))
     return found
 
 
-def _error_pair(
-    name: str, seconds: float | None, error: ErrorStatistics, alone: ErrorStatistics | None
-) -> Iterator[Row]:
-    yield name, seconds, *_error_cells(error)
-    # Without an offset in the status it is not known what program track alone would do.
-    if alone is not None and alone.samples:
-        yield "\u2003program track alone", None, *_error_cells(alone)
-
-
 def _error_cells(error: ErrorStatistics) -> tuple[Cell, ...]:
-    radial = error.radial
-    return (
-        *astuple(error.cross_elevation),
-        *astuple(error.elevation),
-        *(radial.rms_mdeg, radial.max_mdeg),
-        *(error.mean_loss_db, error.max_loss_db, error.inside_half_power_percent),
-    )
+    radial, loss = error.radial, (error.mean_loss_db, error.max_loss_db)
+    axes = *astuple(error.cross_elevation), *astuple(error.elevation)
+    return (*axes, radial.rms_mdeg, radial.max_mdeg, *loss, error.inside_half_power_percent)

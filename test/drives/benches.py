@@ -9,14 +9,9 @@ from test.drives.simulators import MODEL, Easycomm, Gs232, Rotctld, Simulator, S
 
 TICK_S = 0.02
 DEVICES: dict[str, Callable[[], Simulator]] = {
-    "hamlib": Rotctld,
-    "gs232": Gs232,
-    "gs232 a": lambda: Gs232(b=False),
-    "easycomm 2": Easycomm,
-    "easycomm 3": lambda: Easycomm(version=3),
-    "spid rot2": Spid,
-    "spid md01": lambda: Spid("md01"),
-}
+    "hamlib": Rotctld, "gs232": Gs232, "gs232 a": lambda: Gs232(b=False), "easycomm 2": Easycomm,
+    "easycomm 3": lambda: Easycomm(version=3), "spid rot2": Spid, "spid md01": lambda: Spid("md01"),
+}  # fmt: skip
 BOTH_AXES = list(DEVICES)
 """Names: type of the drive, and its model or what the device is."""
 

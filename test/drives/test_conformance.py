@@ -21,6 +21,12 @@ from test.drives.rotctld import RealRotctld
 from test.drives.simulators import Easycomm, Gs232, Rotctld, Simulator
 
 
+def ticking(drive: Drive, params: DriveParams) -> ConformanceCheck:
+    """Return a check for which each look at the clock takes a tick."""
+    ticks = iter(range(1_000_000))
+    return ConformanceCheck(drive, params, lambda _: TICK_S * next(ticks))
+
+
 def report(bench: Bench) -> dict[str, Line]:
     def tick(_: float) -> float:
         bench.tick(TICK_S)
@@ -63,9 +69,7 @@ def test_noise_and_lost_answers_are_losses() -> None:
 
 def test_a_device_that_is_not_there_is_one_line() -> None:
     params = DriveParams(type="gs232", link=LinkParams(device="/dev/nothing"))
-    now = iter(range(10_000))
-    check = ConformanceCheck(make_drive(params), params, lambda _: 0.02 * next(now))
-    (line,) = check_drive.check(check, move=True)
+    (line,) = check_drive.check(ticking(make_drive(params), params), move=True)
     assert not line.passed
     assert "/dev/nothing" in line.text
 
@@ -79,9 +83,7 @@ def test_before_the_first_check_no_time_passes() -> None:
 
 def test_a_simulated_rotator_passes() -> None:
     params = DriveParams(type="simulated_rotator", rotator=RotatorParams())
-    drive = SimulatedRotator(params, (1.0, 0.5))
-    now = iter(range(100_000))
-    lines = check_drive.check(ConformanceCheck(drive, params, lambda _: 0.02 * next(now)), move=True)
+    lines = check_drive.check(ticking(SimulatedRotator(params, (1.0, 0.5)), params), move=True)
     assert [line.name for line in lines if not line.passed] == []
 
 
@@ -153,9 +155,7 @@ class RateDrive(Drive):
 
 def failed_rates(drive: RateDrive) -> set[str]:
     travel = {"travel_min_rad": (0.0, 0.0), "travel_max_rad": (math.radians(200.0), math.radians(90.0))}
-    ticks = iter(range(1_000_000))
-    params = DriveParams(rotator=RotatorParams(**travel))
-    check = ConformanceCheck(drive, params, lambda _: TICK_S * next(ticks))
+    check = ticking(drive, DriveParams(rotator=RotatorParams(**travel)))
     return {line.name for line in check_drive.check(check, move=True) if not line.passed}
 
 
@@ -184,8 +184,7 @@ def test_a_drive_without_elevation_moves_its_azimuth_alone() -> None:
     drive = RateDrive()
     drive.capabilities = replace(drive.capabilities, has_elevation=False)
     params = DriveParams(rotator=RotatorParams(travel_max_rad=(math.radians(200.0), math.radians(90.0))))
-    ticks = iter(range(1_000_000))
-    names = {line.name for line in ConformanceCheck(drive, params, lambda _: TICK_S * next(ticks)).moving()}
+    names = {line.name for line in ticking(drive, params).moving()}
     assert {"azimuth sign", "azimuth rate", "azimuth stop"} <= names
     assert not {name for name in names if "elevation" in name}
     assert all(turn[1] == 0.0 for turn in drive.turns)
@@ -229,22 +228,14 @@ def test_the_report_has_the_figures_of_the_drive() -> None:
     lines, drive, waited = slow_report((-50.0, 20.0))
     assert [name for name, line in lines.items() if not line.passed] == []
     expected = {
-        "connection": [0.02],
-        "period of readings": [12, 3, 12],
-        "age of readings": [0.0, 0.0, 0.0, 1.0],
-        "rest": [0.0, 0.0, 0.15, 0.3],
-        "travel": [-50.0, 20.0, -180.0, 5.0, 260.0, 95.0],
-        "azimuth sign": [10.0, 10.0, 0.0],
-        "azimuth arrival": [0.0, 0.2],
-        "azimuth rate": [1.5, 1.5],
-        "azimuth latency": [0.3, 0.3],
-        "elevation sign": [10.0, 10.0, 0.0],
-        "elevation arrival": [0.0, 0.4],
-        "elevation rate": [1.0, 1.0],
-        "elevation latency": [0.3, 0.3],
-        "limits": [95.0, 95.0],
+        "connection": [0.02], "period of readings": [12, 3, 12],
+        "age of readings": [0.0, 0.0, 0.0, 1.0], "rest": [0.0, 0.0, 0.15, 0.3],
+        "travel": [-50.0, 20.0, -180.0, 5.0, 260.0, 95.0], "azimuth sign": [10.0, 10.0, 0.0],
+        "azimuth arrival": [0.0, 0.2], "azimuth rate": [1.5, 1.5], "azimuth latency": [0.3, 0.3],
+        "elevation sign": [10.0, 10.0, 0.0], "elevation arrival": [0.0, 0.4],
+        "elevation rate": [1.0, 1.0], "elevation latency": [0.3, 0.3], "limits": [95.0, 95.0],
         "rest after a stop": [0.0, 0.0, 0.15, 0.3],
-    }
+    }  # fmt: skip
     for name, values in expected.items():
         assert numbers(lines[name]) == pytest.approx(values, abs=0.06), name
     assert lines["losses"].text == "nothing was lost"
@@ -275,8 +266,7 @@ def test_losses_are_named_with_their_counts() -> None:
 def test_a_rate_is_not_judged_from_a_single_reading_on_the_way() -> None:
     """6 deg/s, read every 1.5 s: between 15 and 85 % of 10 deg there is one reading at most."""
     params = DriveParams(type="simulated_rotator", link=LinkParams(poll_period_s=1.5))
-    drive, ticks = SimulatedRotator(params, (1.0, 0.5)), iter(range(100_000))
-    check = ConformanceCheck(drive, params, lambda _: TICK_S * next(ticks))
+    check = ticking(SimulatedRotator(params, (1.0, 0.5)), params)
     assert check.still()[0].passed
     lines = {line.name: line for line in check.moving()}
     for name in ("azimuth rate", "elevation rate"):
@@ -288,30 +278,22 @@ def test_a_rate_is_not_judged_from_a_single_reading_on_the_way() -> None:
     [
         ({"gain": [-1.0, 1.0]}, {"azimuth sign", "azimuth rate"}),
         ({"gain": [1.0, -1.0]}, {"elevation sign", "elevation rate"}),
-        ({"gain": [1.0, 0.7]}, {"elevation rate"}),
-        ({"gain": [1.3, 1.0]}, {"azimuth rate"}),
+        ({"gain": [1.0, 0.7]}, {"elevation rate"}), ({"gain": [1.3, 1.0]}, {"azimuth rate"}),
         ({"gain": [0.8, 1.2]}, set()),
         ({"crossed": True}, {"azimuth sign", "azimuth rate", "elevation sign", "elevation rate"}),
         ({"forgets": False}, {"stale command"}),
         ({"forgets": False, "latches": True}, {"stale command"}),
         ({"forgets": False, "stops": False}, {"azimuth stop", "elevation stop", "stale command", "rest after a stop"}),
-        ({"late_s": 3.0}, {"age of readings"}),
-        ({"late_s": -0.5}, {"age of readings"}),
-        ({"every": 2}, {"period of readings"}),
-        ({"drift": 1e-3}, {"rest"}),
+        ({"late_s": 3.0}, {"age of readings"}), ({"late_s": -0.5}, {"age of readings"}),
+        ({"every": 2}, {"period of readings"}), ({"drift": 1e-3}, {"rest"}),
         # In 1.5 s by 1.7 and by 1.3 steps of its encoders; until shortly before the middle of the 3 s.
-        ({"drift": 1.15e-4}, {"rest"}),
-        ({"drift": 0.85e-4}, set()),
-        ({"drift": 1e-3, "drifts_s": 1.3}, set()),
-        ({"late_s": -1.2e-3}, {"age of readings"}),
-        ({"late_s": -0.9e-3}, set()),
-        ({"held": True}, set()),
-        ({"latches": True}, set()),
+        ({"drift": 1.15e-4}, {"rest"}), ({"drift": 0.85e-4}, set()),
+        ({"drift": 1e-3, "drifts_s": 1.3}, set()), ({"late_s": -1.2e-3}, {"age of readings"}),
+        ({"late_s": -0.9e-3}, set()), ({"held": True}, set()), ({"latches": True}, set()),
         # At a tenth of its last rate.
-        ({"creep": 0.08}, set()),
-        ({"creep": 0.12}, {"stale command"}),
+        ({"creep": 0.08}, set()), ({"creep": 0.12}, {"stale command"}),
     ],
-)
+)  # fmt: skip
 def test_each_fault_of_a_drive_of_rates_fails_the_line_of_its_name(changes: dict[str, object], lines: set[str]) -> None:
     drive = RateDrive()
     for name, value in changes.items():

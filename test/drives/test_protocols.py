@@ -122,14 +122,11 @@ def test_reasons_are_given_in_words() -> None:
 @pytest.mark.parametrize(
     ("type_", "model", "baud", "resolution_deg", "has_elevation"),
     [
-        ("hamlib", "", 9600, 0.01, True),
-        ("gs232", "", 9600, 1.0, True),
-        ("easycomm", "", 9600, 0.1, True),
-        ("spid", "rot1", 1200, 1.0, False),
-        ("spid", "rot2", 600, 0.5, True),
-        ("spid", "md01", 600, 0.5, True),
+        ("hamlib", "", 9600, 0.01, True), ("gs232", "", 9600, 1.0, True),
+        ("easycomm", "", 9600, 0.1, True), ("spid", "rot1", 1200, 1.0, False),
+        ("spid", "rot2", 600, 0.5, True), ("spid", "md01", 600, 0.5, True),
     ],
-)
+)  # fmt: skip
 def test_speeds_steps_and_axes_are_those_of_the_manuals(
     type_: str, model: str, baud: int, resolution_deg: float, has_elevation: bool
 ) -> None:

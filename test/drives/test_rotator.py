@@ -28,12 +28,9 @@ class Track:
     def __init__(self, resolution_deg: float, interval_s: float = 0.5, dead_band_deg: float = 0.0,
                  stated_latency_s: float = 0.2, latency_s: float = 0.2, **changes: object) -> None:  # fmt: skip
         params = RotatorParams(
-            resolution_rad=(resolution_deg * DEG,) * 2,
-            minimum_interval_s=interval_s,
-            dead_band_rad=(dead_band_deg * DEG,) * 2,
-            latency_s=latency_s,
-            **{**TRAVEL, **changes},
-        )
+            resolution_rad=(resolution_deg * DEG,) * 2, minimum_interval_s=interval_s,
+            dead_band_rad=(dead_band_deg * DEG,) * 2, latency_s=latency_s, **{**TRAVEL, **changes},
+        )  # fmt: skip
         drive_params = DriveParams(type="simulated_rotator", link=LinkParams(poll_period_s=0.2), rotator=params)
         self.drive = SimulatedRotator(drive_params, (0.5, 0.5))
         self.rotator = Rotator(self.drive, params.replace(latency_s=stated_latency_s))
@@ -86,11 +83,6 @@ def test_a_moving_target_gets_a_set_point_an_interval_whatever_the_ticks_round_t
     track.rotator.count_anew()
     track.follow(steady(1.7), 40.0)
     assert track.rotator.counts.commands == pytest.approx(80, abs=1)
-
-
-def test_a_simulated_rotator_without_a_stated_resolution_has_steps_of_a_degree() -> None:
-    drive = SimulatedRotator(DriveParams(type="simulated_rotator"), (0.5, 0.5))
-    assert drive.capabilities.resolution_rad == pytest.approx((DEG, DEG))
 
 
 def test_noise_of_a_tracking_loop_starts_no_relay(random: np.random.Generator) -> None:
@@ -172,29 +164,33 @@ def test_without_a_reading_nothing_is_commanded() -> None:
     assert track.rotator.counts.commands == 0
 
 
-def test_a_reading_knows_its_age() -> None:
-    assert DriveReading(t_s=1.0, position_rad=(0.0, 0.0)).age_s(1.5) == 0.5
+class Shown(Drive):
+    """A device that shows given angles at given times, then what `shows` says, and keeps its set points."""
 
-
-class Readings(Drive):
-    """A device that shows given angles at given times."""
-
-    def __init__(self, *rows: tuple[float, float, float], **capabilities: object) -> None:
-        usual = {"resolution_rad": (1e-3, 1e-3), "rate_rad_s": (0.1, 0.1), "period_s": 0.2}
-        self.capabilities = Capabilities(set_points=POSITION, **{**usual, **capabilities})
-        self.rows = iter(rows)
+    def __init__(self, *rows: tuple[float, float, float], step_rad: float = 1e-3, **stated: object) -> None:
+        usual = {"resolution_rad": (step_rad, step_rad), "rate_rad_s": (0.1, 0.1), "period_s": 0.2}
+        self.capabilities = Capabilities(set_points=POSITION, **{**usual, **stated})
+        self.rows, self.shows = iter(rows), rows[-1][1:]
         self.sent: list[tuple[float, float]] = []
+        self.stopped = 0
 
     def go_to(self, position_rad: tuple[float, float]) -> None:
         self.sent.append(position_rad)
 
-    def step(self, _t_s: float) -> DriveReading | None:
-        row = next(self.rows, None)
-        return None if row is None else DriveReading(t_s=row[0], position_rad=row[1:])
+    def step(self, t_s: float) -> DriveReading:
+        row = next(self.rows, (t_s, *self.shows))
+        return DriveReading(t_s=row[0], position_rad=row[1:])
+
+    def stop(self) -> None:
+        self.stopped += 1
+
+
+def standing(azimuth: float, elevation: float, step_rad: float = 1e-6) -> Shown:
+    return Shown((0.0, azimuth, elevation), step_rad=step_rad, period_s=0.02)
 
 
 def test_the_rate_is_the_way_over_the_time_from_the_first_readings_on() -> None:
-    rotator = Rotator(Readings((5.0, 0.50, 0.60), (5.2, 0.51, 0.58), (5.4, 0.53, 0.54)), RotatorParams(**TRAVEL))
+    rotator = Rotator(Shown((5.0, 0.50, 0.60), (5.2, 0.51, 0.58), (5.4, 0.53, 0.54)), RotatorParams(**TRAVEL))
     assert rotator.position_rad == (0.0, 0.0)
     rotator.step(5.0)
     assert rotator.rate_rad_s == (0.0, 0.0)
@@ -205,7 +201,7 @@ def test_the_rate_is_the_way_over_the_time_from_the_first_readings_on() -> None:
 
 
 def test_two_readings_of_one_time_are_no_motion() -> None:
-    rotator = Rotator(Readings((5.0, 0.5, 0.6), (5.0, 0.7, 0.9)), RotatorParams(**TRAVEL))
+    rotator = Rotator(Shown((5.0, 0.5, 0.6), (5.0, 0.7, 0.9)), RotatorParams(**TRAVEL))
     for _ in range(2):
         rotator.step(5.0)
     assert rotator.position_rad == (0.7, 0.9)
@@ -213,7 +209,7 @@ def test_two_readings_of_one_time_are_no_motion() -> None:
 
 
 def test_an_elevation_that_the_device_does_not_have_is_level_until_it_is_set() -> None:
-    rotator = Rotator(Readings((5.0, 0.5, 0.6), has_elevation=False), RotatorParams(**TRAVEL))
+    rotator = Rotator(Shown((5.0, 0.5, 0.6), has_elevation=False), RotatorParams(**TRAVEL))
     rotator.step(5.0)
     assert rotator.position_rad == (0.5, 0.0)
 
@@ -243,23 +239,20 @@ def at_rest(azimuth: float, elevation: float) -> Motion:
     ("stated_s", "row", "latency_s"),
     [
         # 0.03 rad on its way at 0.1 rad/s at 10.9: it began at 10.6, half a step earlier or later.
-        (0.2, (10.9, 0.53, 0.6), 0.595),
-        (0.597, (10.9, 0.53, 0.6), 0.597),
+        (0.2, (10.9, 0.53, 0.6), 0.595), (0.597, (10.9, 0.53, 0.6), 0.597),
         (1.5, (10.9, 0.53, 0.6), 0.605),
         # Arrived by 10.9 after 0.4 s on its way, still at rest at 10.5.
-        (0.1, (10.9, 0.54, 0.6), 0.495),
-        (0.5, (10.9, 0.54, 0.6), 0.5),
+        (0.1, (10.9, 0.54, 0.6), 0.495), (0.5, (10.9, 0.54, 0.6), 0.5),
         (2.0, (10.9, 0.54, 0.6), 0.505),
         # A whole step from its goal it has not arrived: it began at 10.51; nor six tenths of one: 10.506.
-        (0.1, (10.9, 0.539, 0.6), 0.505),
-        (0.1, (10.9, 0.5394, 0.6), 0.501),
+        (0.1, (10.9, 0.539, 0.6), 0.505), (0.1, (10.9, 0.5394, 0.6), 0.501),
     ],
-)
+)  # fmt: skip
 def test_the_latency_is_moved_into_what_the_first_reading_of_a_motion_leaves_open(
     stated_s: float, row: tuple[float, float, float], latency_s: float
 ) -> None:
     params = RotatorParams(latency_s=stated_s, rate_rad_s=(0.1, 0.1), minimum_interval_s=0.0, **TRAVEL)
-    drive = Readings((9.7, 0.5, 0.6), (9.9, 0.5, 0.6), (10.1, 0.5, 0.6), (10.3, 0.5, 0.6), (10.5, 0.5, 0.6), row)
+    drive = Shown((9.7, 0.5, 0.6), (9.9, 0.5, 0.6), (10.1, 0.5, 0.6), (10.3, 0.5, 0.6), (10.5, 0.5, 0.6), row)
     rotator = Rotator(drive, params)
     for t_s in (9.7, 9.9):
         rotator.step(t_s)
@@ -311,6 +304,8 @@ def test_a_simulated_rotator_is_read_in_whole_steps_within_a_turn_once_a_poll() 
     readings = [drive.step(0.02 * k) for k in range(101)]
     times = sorted({reading.t_s for reading in readings})
     assert times == pytest.approx([0.0, 0.5, 1.0, 1.5, 2.0])
+    plain = SimulatedRotator(DriveParams(type="simulated_rotator"), (0.5, 0.5))
+    assert plain.capabilities.resolution_rad == pytest.approx((DEG, DEG)), "where no steps are stated"
     # -0.16 of the device is -0.2 in its steps, and that is a turn less 0.2.
     assert readings[-1].position_rad == pytest.approx((2.0 * math.pi - 0.2, 0.6))
     assert drive.truth_rad == pytest.approx((-0.16, 0.53))
@@ -323,35 +318,15 @@ def test_a_simulated_rotator_is_read_in_whole_steps_within_a_turn_once_a_poll() 
     assert drive.truth_rad == before
 
 
-class Standing(Drive):
-    """A device that shows what a test says, and keeps its set points."""
-
-    def __init__(self, azimuth: float, elevation: float, **capabilities: object) -> None:
-        usual = {"resolution_rad": (1e-6, 1e-6), "rate_rad_s": (0.1, 0.1), "period_s": 0.02}
-        self.capabilities = Capabilities(set_points=POSITION, **{**usual, **capabilities})
-        self.shows, self.sent, self.stopped = (azimuth, elevation), [], 0
-
-    def step(self, t_s: float) -> DriveReading:
-        return DriveReading(t_s=t_s, position_rad=self.shows)
-
-    def go_to(self, position_rad: tuple[float, float]) -> None:
-        self.sent.append(position_rad)
-
-    def stop(self) -> None:
-        self.stopped += 1
-
-
 class Chase:
     """A rotator of 0.1 rad/s without latency that follows one path on both axes, 0.02 s a tick; steps of a microradian."""
 
     def __init__(self, start: float = 1.0, **params: object) -> None:
         usual = {
-            "rate_rad_s": (0.1, 0.1),
-            "latency_s": 0.0,
-            "minimum_interval_s": 0.5,
+            "rate_rad_s": (0.1, 0.1), "latency_s": 0.0, "minimum_interval_s": 0.5,
             "minimum_move_rad": (0.01, 0.01),
-        }
-        self.drive = Standing(start, start)
+        }  # fmt: skip
+        self.drive = standing(start, start)
         self.rotator = Rotator(self.drive, RotatorParams(**{**TRAVEL, **usual, **params}))
         self.t_s, self.place = 10.0, start
         self.rotator.step(self.t_s)
@@ -382,14 +357,11 @@ def test_no_set_point_passes_a_goal_that_stands() -> None:
 
 
 def test_the_end_of_the_travel_is_reached_also_where_it_is_no_whole_step() -> None:
-    drive = Standing(0.0, 0.0, resolution_rad=(0.01, 0.01))
+    drive = standing(0.0, 0.0, step_rad=0.01)
     params = RotatorParams(
-        rate_rad_s=(0.1, 0.1),
-        minimum_interval_s=0.0,
-        latency_s=0.0,
-        travel_min_rad=(0.0, 0.0),
+        rate_rad_s=(0.1, 0.1), minimum_interval_s=0.0, latency_s=0.0, travel_min_rad=(0.0, 0.0),
         travel_max_rad=(0.106, 0.5),
-    )
+    )  # fmt: skip
     rotator = Rotator(drive, params)
     for k, goal in enumerate((0.1, 0.2)):
         rotator.step(10.0 + k)
@@ -398,7 +370,7 @@ def test_the_end_of_the_travel_is_reached_also_where_it_is_no_whole_step() -> No
 
 
 def test_starts_and_changes_of_direction_are_counted_by_axis_from_each_beginning() -> None:
-    drive = Standing(1.0, 1.0)
+    drive = standing(1.0, 1.0)
     params = RotatorParams(rate_rad_s=(0.1, 0.1), minimum_interval_s=0.0, latency_s=0.0, **TRAVEL)
     rotator = Rotator(drive, params)
 
@@ -424,7 +396,7 @@ def test_starts_and_changes_of_direction_are_counted_by_axis_from_each_beginning
 
 
 def test_a_reading_that_is_not_trusted_is_replaced_in_place_and_rate() -> None:
-    rotator = Rotator(Readings((5.0, 0.5, 0.6), (5.25, 0.6, 0.7), (5.5, 3.0, 3.0)), RotatorParams(**TRAVEL))
+    rotator = Rotator(Shown((5.0, 0.5, 0.6), (5.25, 0.6, 0.7), (5.5, 3.0, 3.0)), RotatorParams(**TRAVEL))
     for t_s in (5.0, 5.25, 5.5):
         rotator.step(t_s)
     rotator.correct((0.7, 0.5))

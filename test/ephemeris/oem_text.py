@@ -14,17 +14,11 @@ TIMES = START_T_S + STEP_S * np.arange(15)
 
 def text_of(states: list[np.ndarray], *, times: np.ndarray = TIMES, header: str = "", **meta: str) -> str:
     fields = {
-        "OBJECT_NAME": "CBERS 2",
-        "OBJECT_ID": "2003-049A",
-        "CENTER_NAME": "EARTH",
-        "REF_FRAME": "TEME",
-        "TIME_SYSTEM": "UTC",
-        "START_TIME": utc_text(times[0]),
-        "STOP_TIME": utc_text(times[-1]),
-        "INTERPOLATION": "HERMITE",
-        "INTERPOLATION_DEGREE": "7",
+        "OBJECT_NAME": "CBERS 2", "OBJECT_ID": "2003-049A", "CENTER_NAME": "EARTH",
+        "REF_FRAME": "TEME", "TIME_SYSTEM": "UTC", "START_TIME": utc_text(times[0]),
+        "STOP_TIME": utc_text(times[-1]), "INTERPOLATION": "HERMITE", "INTERPOLATION_DEGREE": "7",
         **meta,
-    }
+    }  # fmt: skip
     lines = [header or "CCSDS_OEM_VERS = 2.0", "ORIGINATOR = TEST", "META_START"]
     lines += [f"{key} = {value}" for key, value in fields.items() if value]
     lines += ["META_STOP", "COMMENT states in km and km/s"]

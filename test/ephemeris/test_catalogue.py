@@ -40,18 +40,14 @@ def random_orbits(count: int) -> list[Elements]:
         angles = rng.uniform(0.0, 2.0 * math.pi, 3)
         orbits.append(
             Elements(
-                name=f"orbit {number}",
-                catalogue_number=number,
+                name=f"orbit {number}", catalogue_number=number,
                 epoch_t_s=START_T_S - rng.uniform(0.0, DAY_S),
-                inclination_rad=rng.uniform(0.2, 1.9),
-                ascending_node_rad=angles[0],
-                eccentricity=eccentricity,
-                argument_of_perigee_rad=angles[1],
-                mean_anomaly_rad=angles[2],
-                mean_motion_rad_s=math.sqrt(EARTH_MU_M3_S2 / axis_m**3),
+                inclination_rad=rng.uniform(0.2, 1.9), ascending_node_rad=angles[0],
+                eccentricity=eccentricity, argument_of_perigee_rad=angles[1],
+                mean_anomaly_rad=angles[2], mean_motion_rad_s=math.sqrt(EARTH_MU_M3_S2 / axis_m**3),
                 drag_per_earth_radius=1e-5,
             )
-        )
+        )  # fmt: skip
     return orbits
 
 
@@ -67,12 +63,10 @@ def level(azimuth_rad: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize(
     ("options", "horizon"),
     [
-        ({}, level),
-        ({}, hills),
-        ({"light_time": "none", "refraction": None}, MASK_RAD),
+        ({}, level), ({}, hills), ({"light_time": "none", "refraction": None}, MASK_RAD),
         ({"light_time": "transmit"}, MASK_RAD),
     ],
-)
+)  # fmt: skip
 def test_every_pass_is_that_of_the_single_search(options: dict, horizon: Any) -> None:
     """A level horizon is the mask of its height: there the search of one object takes the number."""
     orbits, place = random_orbits(8), site("Canberra DSS-43")

@@ -12,50 +12,12 @@ from sgp4.api import Satrec
 from rf_pointing.core.whole_file import DEEPEST
 from rf_pointing.ephemeris import Elements, read_elements, tle_lines, verification_elements
 from rf_pointing.ephemeris.element_messages import omm_text, read_omm_kvn
-
-FIELDS = {
-    "OBJECT_NAME": "CBERS 2",
-    "OBJECT_ID": "2003-049A",
-    "EPOCH": "2006-06-26T18:52:04.079712",
-    "MEAN_MOTION": 14.35478080,
-    "ECCENTRICITY": 0.0000884,
-    "INCLINATION": 98.4283,
-    "RA_OF_ASC_NODE": 247.6961,
-    "ARG_OF_PERICENTER": 88.1964,
-    "MEAN_ANOMALY": 271.9322,
-    "EPHEMERIS_TYPE": 0,
-    "CLASSIFICATION_TYPE": "U",
-    "NORAD_CAT_ID": 28057,
-    "ELEMENT_SET_NO": 183,
-    "REV_AT_EPOCH": 14055,
-    "BSTAR": 0.00003594,
-    "MEAN_MOTION_DOT": 6e-7,
-    "MEAN_MOTION_DDOT": 0,
-}
-
-
-def as_xml(fields: dict[str, object]) -> str:
-    leaves = "".join(f"<{key}>{value}</{key}>" for key, value in fields.items())
-    return f'<?xml version="1.0"?><ndm><omm id="CCSDS_OMM_VERS"><body><segment>{leaves}</segment></body></omm></ndm>'
-
-
-def as_csv(fields: dict[str, object]) -> str:
-    return ",".join(fields) + "\r\n" + ",".join(map(str, fields.values())) + "\r\n"
-
-
-def as_kvn(fields: dict[str, object]) -> str:
-    lines = [f"{key:20s} = {value}" + (" [deg]" if key == "INCLINATION" else "") for key, value in fields.items()]
-    return "CCSDS_OMM_VERS = 2.0\nCOMMENT made up\nREF_FRAME = TEME\nTIME_SYSTEM = UTC\n" + "\n".join(lines)
-
+from test.ephemeris.omm_text import FIELDS, as_csv, as_kvn, as_strings, as_xml
 
 NOTATIONS = {
-    "json numbers": lambda fields: json.dumps([fields]),
-    "json strings": lambda fields: json.dumps([{key: str(value) for key, value in fields.items()}]),
-    "json object": json.dumps,
-    "xml": as_xml,
-    "csv": as_csv,
-    "kvn": as_kvn,
-}
+    "json numbers": lambda fields: json.dumps([fields]), "json strings": as_strings, "json object": json.dumps,
+    "xml": as_xml, "csv": as_csv, "kvn": as_kvn,
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("notation", NOTATIONS)
@@ -148,10 +110,8 @@ def test_a_missing_field_is_refused_never_zero(key: str) -> None:
     ("text", "message"),
     [
         ('[{"NORAD_CAT_ID": 5,', "OMM JSON is malformed"),
-        ('[{"MEAN_MOTION": NaN}]', "NaN, which is not a number"),
-        ("[]", "no elements"),
-        ("<omm><body>", "OMM XML is malformed"),
-        ("<omm></omm>", "no elements"),
+        ('[{"MEAN_MOTION": NaN}]', "NaN, which is not a number"), ("[]", "no elements"),
+        ("<omm><body>", "OMM XML is malformed"), ("<omm></omm>", "no elements"),
         ("NORAD_CAT_ID,MEAN_MOTION\n1,5,6", "not as many columns"),
         ("CCSDS_OMM_VERS = 2.0\nEPOCH 2006", "line 2: 'EPOCH 2006' must read KEYWORD = value"),
         ("CCSDS_OMM_VERS = 2.0\nBSTAR = 1\nBSTAR = 2", "line 3: BSTAR is given twice"),
@@ -162,7 +122,7 @@ def test_a_missing_field_is_refused_never_zero(key: str) -> None:
         ('{"BSTAR": 0, "NORAD_CAT_ID": 1' + 400 * "0" + "}", "NORAD_CAT_ID=10{400} must be in"),
         ("COMMENT x\nBSTAR = 1", "line 2: BSTAR comes before CCSDS_OMM_VERS"),
     ],
-)
+)  # fmt: skip
 def test_malformed_messages_are_refused(text: str, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         read_elements(text)
@@ -210,12 +170,10 @@ def celestrak_xml(fields: dict[str, str]) -> str:
     "text",
     [
         json.dumps([{key: json.loads(value) if re.fullmatch(r"\d+(\.\d+)?", value) else value for key, value in ISS.items()}]),
-        as_csv(ISS),
-        celestrak_xml(ISS),
+        as_csv(ISS), celestrak_xml(ISS),
         "".join(f"{key:<18} = {value}\n" for key, value in {"CCSDS_OMM_VERS": "2.0", "CREATION_DATE": "", "ORIGINATOR": "",
                                                             **ISS}.items()) + "\n",
-        json.dumps([{**SPACE_TRACK, **ISS}]),
-        "0 " + ISS_TLE,
+        json.dumps([{**SPACE_TRACK, **ISS}]), "0 " + ISS_TLE,
     ],
     ids=["CelesTrak JSON", "CelesTrak CSV", "CelesTrak XML", "CelesTrak KVN", "Space-Track JSON", "Space-Track 3LE"],
 )  # fmt: skip

@@ -278,12 +278,9 @@ def test_states_inside_a_leap_second_are_read() -> None:
     }  # fmt: skip
     rows = [f"{epoch} {7000.0 + 3.5 * step} 0 0 7.0 0 0" for step, epoch in enumerate(epochs)]
     lines = [
-        "CCSDS_OEM_VERS = 2.0",
-        "META_START",
-        *(f"{key} = {value}" for key, value in meta.items()),
-        "META_STOP",
-        *rows,
-    ]
+        "CCSDS_OEM_VERS = 2.0", "META_START", *(f"{key} = {value}" for key, value in meta.items()),
+        "META_STOP", *rows,
+    ]  # fmt: skip
     (segment,) = read_oem("\n".join(lines))
     np.testing.assert_allclose(np.diff(segment.tai_s), 0.5, atol=1e-6)
     with pytest.raises(ValueError, match="line 13: .* has second 60, must be < 60"):
@@ -404,14 +401,9 @@ def test_covariances_come_back_from_a_written_message(cbers: Elements) -> None:
     root = random_stream(3, "covariance").standard_normal((6, 6)) * np.array([100.0] * 3 + [0.1] * 3)[:, np.newaxis]
     block = StateCovariance(float(segment.tai_s[3]), "RTN", root @ root.T)
     text = oem_text(
-        OemTarget([segment]),
-        "X",
-        float(TIMES[2]),
-        float(TIMES[-3]),
-        originator="TEST",
-        created_t_s=0.0,
-        covariances=[block],
-    )
+        OemTarget([segment]), "X", float(TIMES[2]), float(TIMES[-3]), originator="TEST",
+        created_t_s=0.0, covariances=[block],
+    )  # fmt: skip
     (found,) = read_oem(text)[0].covariances
     assert (found.tai_s, found.frame) == (block.tai_s, "RTN")
     assert np.allclose(found.matrix, block.matrix, rtol=1e-8, atol=1e-12)

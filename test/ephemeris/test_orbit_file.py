@@ -26,6 +26,8 @@ from rf_pointing.ephemeris import (
 from rf_pointing.ephemeris.damaged_states import damaged_state
 from rf_pointing.ephemeris.orbit_file import FORMATS, OrbitFile, decoded, read_elements, read_orbits
 from rf_pointing.ephemeris.source import SourceParams, load_target
+from test.ephemeris.omm_text import FIELDS, as_csv, as_kvn
+from test.ephemeris.omm_text import as_xml as omm_xml
 
 DATA = Path(__file__).parent / "data" / "orbits"
 SETS = verification_elements()[:3]
@@ -178,33 +180,14 @@ def test_a_text_without_elements_is_told_by_its_beginning(text: str) -> None:
         read_orbits(text)
 
 
-OMM = {
-    "OBJECT_NAME": "ONE", "OBJECT_ID": "2026-001A", "EPOCH": "2026-06-26T18:52:04.079712", "MEAN_MOTION": 14.3547808,
-    "ECCENTRICITY": 0.0000884, "INCLINATION": 98.4283, "RA_OF_ASC_NODE": 247.6961, "ARG_OF_PERICENTER": 88.1964,
-    "MEAN_ANOMALY": 271.9322, "EPHEMERIS_TYPE": 0, "NORAD_CAT_ID": 28057, "BSTAR": 0.00003594,
-}  # fmt: skip
-MANY = [{**OMM, "NORAD_CAT_ID": number, "OBJECT_NAME": f"SAT {number}"} for number in range(1, 6)]
-
-
-def in_xml(fields: dict[str, object], prefix: str = "") -> str:
-    leaves = "\n".join(f"<{key}>{value}</{key}>" for key, value in fields.items())
-    return f"<{prefix}omm>\n<body><segment>\n{leaves}\n</segment></body></{prefix}omm>\n"
-
-
+MANY = [{**FIELDS, "NORAD_CAT_ID": number, "OBJECT_NAME": f"SAT {number}"} for number in range(1, 6)]
 NOTATIONS = {
-    "JSON on one line": json.dumps(MANY),
-    "JSON on many lines": json.dumps(MANY, indent=1),
-    "CSV": "\n".join([",".join(OMM), *(",".join(map(str, one.values())) for one in MANY)]),
-    "quoted CSV": "\n".join([",".join(OMM), *(",".join(f'"{v}"' for v in one.values()) for one in MANY)]),
-    "CSV by semicolons": "\n".join([";".join(OMM), *(";".join(map(str, one.values())) for one in MANY)]),
-    "CSV by tabs": "\n".join(["\t".join(OMM), *("\t".join(map(str, one.values())) for one in MANY)]),
-    "XML": f"<ndm>{''.join(map(in_xml, MANY))}</ndm>",
-    "XML with prefixes": f"<n:ndm xmlns:n='x'>{''.join(in_xml(one, 'n:') for one in MANY)}</n:ndm>",
-    "KVN": "".join("\n".join(["CCSDS_OMM_VERS = 3.0", *(f"{k} = {v}" for k, v in one.items()), ""]) for one in MANY),
-}
-
-
-DAMAGES = {"MEAN_ANOMALY": "MEAN}ANOMALY", "271.9322": "null", "98.4283": "198.4283", "2026-06": "26-06"}
+    "JSON on one line": json.dumps(MANY), "JSON on many lines": json.dumps(MANY, indent=1),
+    "CSV": as_csv(*MANY), "quoted CSV": as_csv(*MANY, quote='"'),
+    "CSV by semicolons": as_csv(*MANY, between=";"), "CSV by tabs": as_csv(*MANY, between="\t"),
+    "XML": omm_xml(*MANY), "XML with prefixes": omm_xml(*MANY, prefix="n:"), "KVN": as_kvn(*MANY),
+}  # fmt: skip
+DAMAGES = {"MEAN_ANOMALY": "MEAN}ANOMALY", "271.9322": "null", "98.4283": "198.4283", "2006-06": "06-06"}
 
 
 @pytest.mark.parametrize("damage", DAMAGES)

@@ -90,55 +90,43 @@ def test_a_geostationary_satellite_is_one_long_pass_or_none() -> None:
     elements = find_elements(verification_elements(), "24208")
     always = find_passes(TopocentricTrack(elements, site("Canberra DSS-43")), elements.epoch_t_s, DAY_S, MASK_RAD)
     assert [(p.rises_before, p.sets_after) for p in always] == [(True, True)]
+    above = TopocentricTrack(elements, site("Canberra DSS-43"))
+    present = passes_with_present(above, elements.epoch_t_s, DAY_S, MASK_RAD)[0]
+    assert present.aos_t_s <= elements.epoch_t_s
+    assert present.rises_before
     never = TopocentricTrack(elements, site("Goldstone DSS-13"))
     assert find_passes(never, elements.epoch_t_s, DAY_S, MASK_RAD) == []
     with pytest.raises(ValueError, match=r"ITALSAT 2 has no pass above 20\.00 deg in 24\.00 h .* none rises above"):
         first_pass_above(never, elements.epoch_t_s, math.radians(20.0), MASK_RAD, DAY_S)
 
 
-def test_a_pass_that_is_never_high_enough_is_refused_with_the_best(track: TopocentricTrack, cbers: Elements) -> None:
-    with pytest.raises(
-        ValueError, match=r"no pass above 60.00 deg in 24.00 h .*: 5 passes, the highest reaches 44.31 deg"
-    ):
-        first_pass_above(track, cbers.epoch_t_s, math.radians(60.0), MASK_RAD, DAY_S)
+@pytest.mark.parametrize(
+    ("after_s", "duration_s", "mask_rad", "message"),
+    [
+        (13.5 * DAY_S, DAY_S, MASK_RAD, "days from the epoch"),
+        (0.0, DAY_S, 2.0, "min_elevation_rad"),
+        (0.0, -5.0, MASK_RAD, "duration_s"),
+        (0.0, DAY_S, MASK_RAD, r"no pass above 60.00 deg in 24.00 h .*: 5 passes, the highest reaches 44.31 deg"),
+    ],
+)
+def test_what_cannot_be_searched_or_is_never_high_enough_is_refused(
+    after_s: float, duration_s: float, mask_rad: float, message: str, track: TopocentricTrack, cbers: Elements
+) -> None:
+    with pytest.raises(ValueError, match=message):
+        first_pass_above(track, cbers.epoch_t_s + after_s, math.radians(60.0), mask_rad, duration_s)
 
 
-def test_a_start_outside_the_elements_range_is_refused(track: TopocentricTrack, cbers: Elements) -> None:
-    with pytest.raises(ValueError, match="days from the epoch"):
-        find_passes(track, cbers.epoch_t_s + 13.5 * DAY_S, DAY_S, MASK_RAD)
-
-
-def test_a_bad_mask_or_duration_is_refused(track: TopocentricTrack, cbers: Elements) -> None:
-    with pytest.raises(ValueError, match="min_elevation_rad"):
-        find_passes(track, cbers.epoch_t_s, DAY_S, 2.0)
-    with pytest.raises(ValueError, match="duration_s"):
-        find_passes(track, cbers.epoch_t_s, -5.0, MASK_RAD)
-
-
-@pytest.mark.parametrize("share", [0.1, 0.9])
-def test_a_pass_that_is_going_on_keeps_its_own_rise(track: TopocentricTrack, cbers: Elements, share: float) -> None:
+@pytest.mark.parametrize("share", [0.1, 0.9, None])
+def test_a_pass_that_is_going_on_keeps_its_own_rise(
+    track: TopocentricTrack, cbers: Elements, share: float | None
+) -> None:
+    """Between two passes there is none such."""
     wanted = find_passes(track, cbers.epoch_t_s, DAY_S, MASK_RAD)
-    inside_s = wanted[2].aos_t_s + share * wanted[2].duration_s
-    found = passes_with_present(track, inside_s, DAY_S / 2.0, MASK_RAD)
-    assert found[0].aos_t_s == pytest.approx(wanted[2].aos_t_s, abs=1e-3)
-    assert found[0].los_t_s == pytest.approx(wanted[2].los_t_s, abs=1e-3)
-    assert not found[0].rises_before
-    assert found[1].aos_t_s == pytest.approx(wanted[3].aos_t_s, abs=1e-3)
-
-
-def test_between_passes_the_present_one_is_none(track: TopocentricTrack, cbers: Elements) -> None:
-    wanted = find_passes(track, cbers.epoch_t_s, DAY_S, MASK_RAD)
-    after_s = wanted[0].los_t_s + 60.0
-    found = passes_with_present(track, after_s, DAY_S / 2.0, MASK_RAD)
-    assert found[0].aos_t_s == pytest.approx(wanted[1].aos_t_s, abs=1e-3)
-
-
-def test_what_never_sets_has_no_rise_to_find() -> None:
-    elements = find_elements(verification_elements(), "24208")
-    track = TopocentricTrack(elements, site("Canberra DSS-43"))
-    found = passes_with_present(track, elements.epoch_t_s, DAY_S, MASK_RAD)[0]
-    assert found.aos_t_s <= elements.epoch_t_s
-    assert found.rises_before
+    at_s = wanted[1].los_t_s + 60.0 if share is None else wanted[2].aos_t_s + share * wanted[2].duration_s
+    found = passes_with_present(track, at_s, DAY_S, MASK_RAD)
+    for ours, theirs in zip(found[:2], wanted[2:4], strict=True):
+        assert (ours.aos_t_s, ours.los_t_s) == pytest.approx((theirs.aos_t_s, theirs.los_t_s), abs=1e-3)
+        assert not ours.rises_before
 
 
 def test_every_stay_above_a_horizon_is_a_pass(track: TopocentricTrack, cbers: Elements) -> None:
@@ -180,14 +168,12 @@ def decaying(rng: np.random.Generator) -> Elements:
     """Draw a low orbit that drag takes down within the fourteen days of its elements."""
     elements = find_elements(verification_elements(), "28057")
     return dataclasses.replace(
-        elements,
-        mean_motion_rad_s=rng.uniform(16.1, 16.35) * 2.0 * math.pi / DAY_S,
-        eccentricity=rng.uniform(1e-4, 8e-3),
-        inclination_rad=rng.uniform(0.9, 1.8),
+        elements, mean_motion_rad_s=rng.uniform(16.1, 16.35) * 2.0 * math.pi / DAY_S,
+        eccentricity=rng.uniform(1e-4, 8e-3), inclination_rad=rng.uniform(0.9, 1.8),
         ascending_node_rad=rng.uniform(0.0, 2.0 * math.pi),
         argument_of_perigee_rad=rng.uniform(0.0, 2.0 * math.pi),
         drag_per_earth_radius=10.0 ** rng.uniform(-3.0, -2.3),
-    )
+    )  # fmt: skip
 
 
 def test_a_search_through_the_decay_of_an_object_finds_the_passes_before_it(random: np.random.Generator) -> None:

@@ -30,11 +30,8 @@ def test_axes_are_right_handed_and_up_leaves_the_ellipsoid() -> None:
     np.testing.assert_allclose(rotation @ moved, (0.0, 0.0, 1000.0), atol=1e-6)
 
 
-def test_an_unknown_station_is_refused_with_the_names() -> None:
+def test_an_unknown_station_and_an_impossible_latitude_are_refused() -> None:
     with pytest.raises(ValueError, match="site='Arecibo' must be one of Goldstone DSS-13, "):
         site("Arecibo")
-
-
-def test_an_impossible_latitude_is_refused() -> None:
     with pytest.raises(ValueError, match="latitude_rad"):
         Site.from_degrees(91.0, 0.0, 0.0)

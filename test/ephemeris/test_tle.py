@@ -16,11 +16,7 @@ from sgp4.api import Satrec
 
 from rf_pointing.core.dates import from_utc_text
 from rf_pointing.ephemeris import Elements, read_elements, tle_lines, verification_elements
-from rf_pointing.ephemeris.tle import (
-    alpha5_from_number,
-    checksum,
-    number_from_alpha5,
-)
+from rf_pointing.ephemeris.tle import alpha5_from_number, checksum, number_from_alpha5
 
 LINE1 = "1 28057U 03049A   06177.78615833  .00000060  00000-0  35940-4 0  1836"
 LINE2 = "2 28057  98.4283 247.6961 0000884  88.1964 271.9322 14.35478080140550"
@@ -202,13 +198,9 @@ def test_every_column_of_a_number_is_read() -> None:
     line1 = with_columns(line1, 64, "9876")
     line2 = with_columns(LINE2, 8, "123.4567")
     for begin, text in (
-        (17, "234.5678"),
-        (26, "1234567"),
-        (34, "345.6789"),
-        (43, "156.7891"),
-        (52, "12.34567891"),
+        (17, "234.5678"), (26, "1234567"), (34, "345.6789"), (43, "156.7891"), (52, "12.34567891"),
         (63, "98765"),
-    ):
+    ):  # fmt: skip
         line2 = with_columns(line2, begin, text)
     (found,) = read_elements(f"{line1}\n{line2}")
     day_s, turn = 86400.0, 2.0 * math.pi

@@ -57,11 +57,9 @@ def test_covariance_is_that_of_randomly_moved_satellites(track: TopocentricTrack
     offsets = np.array(
         sky_offset_rad(
             np.arctan2(moved[:, 0], moved[:, 1]),
-            np.arcsin(moved[:, 2] / np.linalg.norm(moved, axis=1)),
-            azimuth,
-            elevation,
+            np.arcsin(moved[:, 2] / np.linalg.norm(moved, axis=1)), azimuth, elevation,
         )
-    )
+    )  # fmt: skip
     scale = np.sqrt(np.outer(np.diag(sky.covariance_rad2), np.diag(sky.covariance_rad2)))
     np.testing.assert_allclose(np.cov(offsets) / scale, sky.covariance_rad2 / scale, atol=0.03)
 

@@ -217,13 +217,9 @@ class _Sheet(Maker):
         self.own("tracking_status", "TrackingStatus", t, 4.1, **status)
         if mode not in ("idle", "stopped"):
             self.add(
-                "joint_trajectory",
-                "trajectory_msgs/msg/JointTrajectory",
-                t,
-                4.6,
-                header=self.header(self.stamp(t)),
-                joint_names=["azimuth", "elevation"],
-            )
+                "joint_trajectory", "trajectory_msgs/msg/JointTrajectory", t, 4.6,
+                header=self.header(self.stamp(t)), joint_names=["azimuth", "elevation"],
+            )  # fmt: skip
         drive = {"mode": "holding" if mode == "idle" else "tracking", "tick_lateness": run.lateness_s(t)}
         drive |= {"fault": run.fault(t)}
         drive |= {"rate_limit": np.full(2, 0.0175), "acceleration_limit": np.full(2, 0.0087), "command_lead": 0.7}

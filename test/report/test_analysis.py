@@ -20,12 +20,10 @@ S = 10**9
 def made(stamps_s: list[float], modes: list[str], offsets: list[float] | None = None) -> Timeline:
     n = len(stamps_s)
     columns = {
-        "mode": np.array(modes),
-        "reason": np.array([f"because {mode}" for mode in modes]),
+        "mode": np.array(modes), "reason": np.array([f"because {mode}" for mode in modes]),
         "beamwidth": np.array([0.0, *[1e-3] * (n - 1)]),
-        "cross_elevation_offset": np.array(offsets or [0.0] * n),
-        "elevation_offset": np.zeros(n),
-    }
+        "cross_elevation_offset": np.array(offsets or [0.0] * n), "elevation_offset": np.zeros(n),
+    }  # fmt: skip
     stamp_ns = 1_700_000_000 * S + np.round(np.array(stamps_s) * S).astype(np.int64)
     data = TopicData("/gs1/tracking_status", "", stamp_ns, stamp_ns, None, columns)
     recording = Recording(Path("bag"), "/gs1", {"tracking_status": data}, (), (), {}, {}, (), ())

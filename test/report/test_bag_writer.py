@@ -68,47 +68,32 @@ def test_metadata_has_every_field_of_version_9(tmp_path: Path, types: Definition
     topic = information.pop("topics_with_message_count")[0]
     infinite = {"sec": 9223372036, "nsec": 854775807}
     assert information == {
-        "version": 9,
-        "storage_identifier": "mcap",
-        "relative_file_paths": ["bag.mcap"],
-        "duration": {"nanoseconds": 2_500},
-        "starting_time": {"nanoseconds_since_epoch": 7_000},
-        "message_count": 2,
-        "compression_format": "",
-        "compression_mode": "",
+        "version": 9, "storage_identifier": "mcap", "relative_file_paths": ["bag.mcap"],
+        "duration": {"nanoseconds": 2_500}, "starting_time": {"nanoseconds_since_epoch": 7_000},
+        "message_count": 2, "compression_format": "", "compression_mode": "",
         "files": [
             {
-                "path": "bag.mcap",
-                "starting_time": {"nanoseconds_since_epoch": 7_000},
-                "duration": {"nanoseconds": 2_500},
-                "message_count": 2,
+                "path": "bag.mcap", "starting_time": {"nanoseconds_since_epoch": 7_000},
+                "duration": {"nanoseconds": 2_500}, "message_count": 2,
             }
         ],
-        "custom_data": {"speed": "max"},
-        "ros_distro": "rosbags",
-    }
+        "custom_data": {"speed": "max"}, "ros_distro": "rosbags",
+    }  # fmt: skip
     assert topic == {
         "message_count": 2,
         "topic_metadata": {
-            "name": "/gs1/sim/boresight",
-            "type": BORESIGHT,
-            "serialization_format": "cdr",
+            "name": "/gs1/sim/boresight", "type": BORESIGHT, "serialization_format": "cdr",
             "type_description_hash": types.type_hash(BORESIGHT),
             "offered_qos_profiles": [
                 {
-                    "history": "keep_last",
-                    "depth": 1,
-                    "reliability": "reliable",
-                    "durability": "transient_local",
-                    "deadline": infinite,
-                    "lifespan": infinite,
-                    "liveliness": "automatic",
-                    "liveliness_lease_duration": infinite,
+                    "history": "keep_last", "depth": 1, "reliability": "reliable",
+                    "durability": "transient_local", "deadline": infinite, "lifespan": infinite,
+                    "liveliness": "automatic", "liveliness_lease_duration": infinite,
                     "avoid_ros_namespace_conventions": False,
                 }
             ],
         },
-    }
+    }  # fmt: skip
 
 
 def test_existing_directory_is_refused_and_left_alone(tmp_path: Path, types: Definitions) -> None:

@@ -38,30 +38,20 @@ def test_hashes_of_our_types_are_those_of_the_compiled_package(types: Definition
         assert types.type_hash(described["type_name"]) == described["hash_string"]
 
 
-def test_unknown_type_is_named(types: Definitions) -> None:
+def test_unknown_type_and_a_folder_without_interfaces_are_refused(types: Definitions, tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="type_name='rf_pointing_msgs/msg/Nothing'"):
         types.schema("rf_pointing_msgs/msg/Nothing")
-
-
-def test_folder_without_interfaces_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="is not an interface package"):
         definitions(tmp_path)
 
 
-def test_unreadable_definition_names_its_type(tmp_path: Path) -> None:
+@pytest.mark.parametrize("text", ["float64 [ missing\n", "missing_msgs/Part part\n"])
+def test_a_definition_that_cannot_be_read_or_is_not_complete_names_its_type(tmp_path: Path, text: str) -> None:
     (tmp_path / "msg").mkdir()
-    (tmp_path / "package.xml").write_text("<package><name>broken_msgs</name></package>")
-    (tmp_path / "msg" / "Bad.msg").write_text("float64 [ missing\n")
-    with pytest.raises(ValueError, match="broken_msgs/msg/Bad"):
-        definitions(tmp_path)
-
-
-def test_type_that_contains_an_unknown_type_is_refused_when_used(tmp_path: Path) -> None:
-    (tmp_path / "msg").mkdir()
-    (tmp_path / "package.xml").write_text("<package><name>partial_msgs</name></package>")
-    (tmp_path / "msg" / "Whole.msg").write_text("missing_msgs/Part part\n")
-    with pytest.raises(ValueError, match="partial_msgs/msg/Whole"):
-        definitions(tmp_path).schema("partial_msgs/msg/Whole")
+    (tmp_path / "package.xml").write_text("<package><name>odd_msgs</name></package>")
+    (tmp_path / "msg" / "Odd.msg").write_text(text)
+    with pytest.raises(ValueError, match="odd_msgs/msg/Odd"):
+        definitions(tmp_path).schema("odd_msgs/msg/Odd")
 
 
 def test_a_profile_is_read_by_its_attributes_and_an_absent_duration_is_infinite() -> None:

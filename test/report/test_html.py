@@ -8,18 +8,11 @@ from rf_pointing.report.html import number, render
 @pytest.mark.parametrize(
     ("value", "shown"),
     [
-        (1.04321, "1.04"),
-        (0.9996, "1.00"),
-        (0.005621, "0.00562"),
-        (64.99, "65.0"),
-        (742.3, "742"),
-        (41_812.0, "41\u202f800"),
-        (-0.0312, "-0.0312"),
-        (0.0, "0"),
-        (45_000, "45\u202f000"),
+        (1.04321, "1.04"), (0.9996, "1.00"), (0.005621, "0.00562"), (64.99, "65.0"), (742.3, "742"),
+        (41_812.0, "41\u202f800"), (-0.0312, "-0.0312"), (0.0, "0"), (45_000, "45\u202f000"),
         (None, "–"),
     ],
-)
+)  # fmt: skip
 def test_numbers_have_three_figures_and_no_powers_of_ten(value: float | None, shown: str) -> None:
     assert number(value) == shown
 

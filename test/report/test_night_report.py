@@ -172,12 +172,9 @@ def shown(monkeypatch: pytest.MonkeyPatch) -> Any:
     monkeypatch.setattr(night_report, "render", lambda _, **values: values)
 
     def show(
-        span_s: float,
-        records: list[dict[str, Any]],
-        history: Sequence[Any] = (),
-        begun_s: float = MIDNIGHT,
-        **health: Any,
-    ) -> dict[str, Any]:
+        span_s: float, records: list[dict[str, Any]], history: Sequence[Any] = (),
+        begun_s: float = MIDNIGHT, **health: Any,
+    ) -> dict[str, Any]:  # fmt: skip
         kept = state(records, history) | {"begun_s": begun_s}
         values: Any = page(night_of(kept, "Dish", health=health, ended_t_s=begun_s + span_s))
         return dict(values)

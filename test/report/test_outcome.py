@@ -120,12 +120,9 @@ BEAM_RAD = 1e-3
 Row = tuple[float, str, str, float, float, float]
 """Of the status: stamp, target, reason, seconds tracked and lost, mean loss in dB."""
 ROWS: list[Row] = [
-    (0.0, "", "", 0.0, 0.0, 0.0),
-    (9.0, "x", "", 0.0, 0.0, 0.0),
-    (57.0, "x", "", 46.0, 0.5, 0.20),
-    (58.0, "", "loss of signal", 46.5, 1.5, 0.25),
-    (59.0, "", "idle", 90.0, 9.0, 9.0),
-]
+    (0.0, "", "", 0.0, 0.0, 0.0), (9.0, "x", "", 0.0, 0.0, 0.0), (57.0, "x", "", 46.0, 0.5, 0.20),
+    (58.0, "", "loss of signal", 46.5, 1.5, 0.25), (59.0, "", "idle", 90.0, 9.0, 9.0),
+]  # fmt: skip
 
 
 def topic(stamps_s: Sequence[float], **columns: Any) -> TopicData:

@@ -63,13 +63,9 @@ def test_colours_name_the_modes(analysed: Callable[..., Analysis], tmp_path: Pat
     [(90.0, 30.0, 0.49, 0.80), (180.0, 30.0, 0.75, 0.49), (-90.0, 30.0, 0.49, 0.20), (90.0, 150.0, 0.49, 0.20)],
 )
 def test_sky_has_north_up_and_east_right_and_folds_over_the_zenith(
-    analysed: Callable[..., Analysis],
-    tmp_path: Path,
-    azimuth_deg: float,
-    elevation_deg: float,
-    row: float,
-    column: float,
-) -> None:
+    analysed: Callable[..., Analysis], tmp_path: Path, azimuth_deg: float, elevation_deg: float,
+    row: float, column: float,
+) -> None:  # fmt: skip
     analysis = analysed(azel_deg=lambda t: (azimuth_deg + t, elevation_deg), left_out={"passes", "tracking_status"})
     draw_sky(analysis, tmp_path / "sky_track.png")
     track = coloured(tmp_path / "sky_track.png", "#66aad0")
@@ -117,12 +113,10 @@ def test_sky_draws_no_command_where_there_is_no_target(analysed: Callable[..., A
     [
         ({"joint_states"}, ["sky_track", "axes"]),
         ({"tracking_status"}, ["link", "sky_track", "timing"]),
-        ({"pointing_error"}, ["pointing_error", "link", "beam"]),
-        ({"antenna_status"}, ["timing"]),
-        ({"monopulse"}, ["link"]),
-        ({"target"}, []),
+        ({"pointing_error"}, ["pointing_error", "link", "beam"]), ({"antenna_status"}, ["timing"]),
+        ({"monopulse"}, ["link"]), ({"target"}, []),
     ],
-)
+)  # fmt: skip
 def test_each_topic_alone_gives_the_pictures_it_can(
     analysed: Callable[..., Analysis], tmp_path: Path, kept: set[str], drawn: list[str]
 ) -> None:

@@ -25,14 +25,9 @@ from test.report.conftest import START_NS, SyntheticRun
 
 FILE = Path(__file__).parent / "data" / "summaries.json"
 MODES = [
-    (2, "idle"),
-    (5, "slew"),
-    (9, "program_track"),
-    (12, "search"),
-    (24, "monopulse"),
-    (26, "coast"),
-    (33, "conscan"),
-]
+    (2, "idle"), (5, "slew"), (9, "program_track"), (12, "search"), (24, "monopulse"),
+    (26, "coast"), (33, "conscan"),
+]  # fmt: skip
 LATE_PASS = Pass("28057", START_NS + 30 * 10**9, START_NS + 40 * 10**9, START_NS + 90 * 10**9, 1.1)
 SHORT_PASS = Pass("4711", START_NS + 3 * 10**9, START_NS + 4 * 10**9, START_NS + 6 * 10**9, 0.3)
 

@@ -61,17 +61,14 @@ def planned(t: float) -> str:
 def folder(tmp_path_factory: pytest.TempPathFactory, synthetic_run: type[Any], types: Definitions) -> Path:
     root = tmp_path_factory.mktemp("report")
     run = synthetic_run(
-        seconds=15.0,
-        aos_los_s=(2.0, 14.0),
-        mode=planned,
+        seconds=15.0, aos_los_s=(2.0, 14.0), mode=planned,
         error_mdeg=lambda t: (40.0, -30.0) if planned(t) == "program_track" else (1.5, -0.5),
         offset_mdeg=lambda t: (0.0, 0.0) if planned(t) == "program_track" else (40.0, -30.0),
-        dropped={"target": {7}},
-        target=lambda t: "28057" if t < 14.0 else "",
+        dropped={"target": {7}}, target=lambda t: "28057" if t < 14.0 else "",
         reason=lambda t: "" if t < 14.0 else "loss of signal",
         counted=lambda t: (min(max(t - 4.1, 0.0), 9.9), min(max(t - 2.0, 0.0), 2.1), 0.8),
         predicted={"mean_loss": 0.7, "lost": 1.0, "late": 0.25, "acquisition": 0.5},
-    )
+    )  # fmt: skip
     run.write(root / "bag", types, {"station": "DSS-13 <&>"})
     write_report(root / "bag", root / "report")
     return root
