@@ -5,7 +5,7 @@ its own answers programs that ask (port 4534), and lets the transmitter send or 
 refused, a transmitter that sends is unkeyed, and a line of the hardware goes low
 (`station/radio/`).
 
-Subscribes: target, joint_states, antenna_status, tracking_status.
+Subscribes: target, joint_states, antenna_status, tracking_status, executive_status.
 Publishes: radio/inhibit (10 Hz and at every change: why the transmitter may not send, "" while
 it may).
 Parameters: server.* (address, port, who may connect), inhibit.* (largest pointing error, silence).
@@ -27,7 +27,7 @@ from rf_pointing.drives.rigctld import RadioView, RigWords
 from rf_pointing.ephemeris.solar import SolarDirection
 from rf_pointing.planning.forbidden_sky import ForbiddenSky
 from rf_pointing.ros import convert
-from rf_pointing.ros.graph import INHIBIT, RADIO
+from rf_pointing.ros.graph import EXECUTIVE_STATUS, INHIBIT, RADIO
 from rf_pointing.ros.main_loop import run
 from rf_pointing.ros.qos import STATUS, STREAM
 from rf_pointing.ros.station_node import StationNode
@@ -67,6 +67,7 @@ class RadioControlNode(StationNode):
         self.listen(ours.Target, "target", self._on_target, STREAM, required=True)
         self.listen(ours.AntennaStatus, "antenna_status", self._on_antenna, STATUS, required=True)
         self.listen(ours.TrackingStatus, "tracking_status", self._on_tracking, STREAM, required=True)
+        self.listen(ours.ExecutiveStatus, EXECUTIVE_STATUS, self._on_executive, STATUS)
         for name in CHECKS:
             self.diagnostics.add_report(name, lambda name=name: self._radio.reports(self._server)[name])
 
@@ -119,6 +120,10 @@ class RadioControlNode(StationNode):
     def _on_antenna(self, m: ours.AntennaStatus) -> None:
         said = {"inhibit": m.transmit_inhibit, "fault": m.fault}
         self._radio.note("antenna_status", time.monotonic(), **said)
+
+    def _on_executive(self, m: ours.ExecutiveStatus) -> None:
+        said = {"shares": m.shares, "executive_inhibit": m.transmit_inhibit}
+        self._radio.note("executive_status", time.monotonic(), **said)
 
     def _on_tracking(self, m: ours.TrackingStatus) -> None:
         error_rad = max(math.hypot(m.cross_elevation_error, m.elevation_error), m.axis_distance)

@@ -26,6 +26,7 @@ from rf_pointing_msgs.srv import ChangeSchedule, Named
 from std_srvs.srv import Trigger
 
 from rf_pointing import __version__
+from rf_pointing.operations.night import NightState
 from rf_pointing.ros import night_messages as messages
 from rf_pointing.ros.convert_planning import scheduled_from_messages
 from rf_pointing.ros.directives import DirectiveSender
@@ -81,6 +82,7 @@ class StationExecutive(StationNode):
 
     def deactivate(self) -> None:
         self.watch.end()
+        self._publish(ended=True)
 
     def turn(self) -> float:
         """Take responses, and publish the status once a second."""
@@ -135,9 +137,13 @@ class StationExecutive(StationNode):
         self._key.sign_claim(message, topic, self.get_namespace().strip("/"))
         publisher.publish(message)
 
-    def _publish(self) -> None:
+    def _publish(self, *, ended: bool = False) -> None:
         self._published_wall_s = time.monotonic()
-        self._send(self._status, messages.executive_status_to_message(self.watch.night, self.now_s()), EXECUTIVE_STATUS)
+        status = messages.executive_status_to_message(self.watch.night, self.now_s())
+        status.state = NightState.ENDED if ended else status.state
+        status.shares = bool(self.watch.partners)
+        status.transmit_inhibit = self.watch.transmit_inhibit(self._published_wall_s)
+        self._send(self._status, status, EXECUTIVE_STATUS)
         if self._goal.lasts:
             self._goal.report(RunSchedule.Feedback(**self.watch.progress()))
 

@@ -55,6 +55,8 @@ class NightState(StrEnum):
     RUNNING = "running"
     PAUSED = "paused"
     STOPPING = "stopping"
+    ENDED = "ended"
+    """The executive itself has ended."""
 
 
 class Night:
@@ -86,6 +88,8 @@ class Night:
         self.begun_s = self.ended_s = math.nan
         self.taken: set[str] = set()
         """Ids of passes that another antenna tracks."""
+        self.shared = False
+        """Whether another antenna is there that can take over a pass."""
         self._send, self._save = send, save
         self._work: PassWork | None = None
         self._action: Executor | None = None
@@ -308,8 +312,22 @@ class Night:
         self._note(now_s, "", "goes on after a restart")
         return True
 
+    def _hand_over(self, work: PassWork, entry: Entry, effect: str, now_s: float) -> None:
+        """Leave a pass in work to a partner, or take it over from one."""
+        theirs = work.id in self.taken
+        if entry.state == PassState.ACTIVE and (theirs or (self.shared and effect != "continue")):
+            entry.state = PassState.STANDBY
+        elif entry.state == PassState.STANDBY and not theirs and effect == "continue":
+            entry.state = PassState.ACTIVE
+        else:
+            return
+        self._note(now_s, work.id, str(entry.state), "takes over" if entry.state == PassState.ACTIVE else "hands over")
+        self._planned_s = -math.inf
+        self._save()
+
     def _step_pass(self, work: PassWork, now_s: float, effect: str, cause: str) -> None:
         entry = self.schedule.entries[work.id]
+        self._hand_over(work, entry, effect, now_s)
         if not work.ending:
             if now_s >= self.schedule.ends_s(entry, now_s) and now_s < entry.item.los_t_s:
                 self._end_early(work, "it yields to a pass of a higher priority", now_s)
@@ -379,6 +397,8 @@ class Night:
         state = PassState.LOST if why else PassState.TRACKED
         if why in BY_OPERATOR:
             state = PassState.SKIPPED
+        elif entry.state == PassState.STANDBY:
+            state, why = PassState.YIELDS, f"a partner had it: {why or 'this antenna stood by'}"
         elif why and self.recovery.effect()[0] == "weather":
             state = PassState.WEATHER
         self.schedule.end(entry, state, why or LOSS_OF_SIGNAL)
@@ -457,7 +477,8 @@ class Night:
     # Procedures
 
     def _begin_pass(self, entry: Entry, now_s: float) -> None:
-        entry.state, entry.reason = PassState.ACTIVE, ""
+        entry.state = PassState.STANDBY if entry.item.id in self.taken else PassState.ACTIVE
+        entry.reason = ""
         self._work = PassWork(entry.item.id, self._pass_executor(entry, now_s), now_s)
         self._rest, self.reason = "", self.schedule.gap_text(entry.item)
         self._note(now_s, entry.item.id, "begun", self.reason)

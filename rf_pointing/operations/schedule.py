@@ -6,7 +6,8 @@ after every change: an added pass, a failed one, an antenna that is late or else
 
 A pass that is late is joined while enough of it is left.  A pass of a higher priority ends one of a
 lower priority in time to turn to it.  Two antennas share one list by claims: what one of them has
-planned, the other does not plan.
+planned, the other does not plan.  With `between.standby` it follows the other's passes while it has
+none of its own: it is on the target when it must take over.
 """
 
 import dataclasses
@@ -25,6 +26,8 @@ from rf_pointing.planning.schedule import schedule
 
 Path = tuple[float, float, float, float]
 MOST_PASSES = 20_000
+STANDBY_RANK = 2**33
+"""By which a pass of a partner ranks below every one of its own."""
 LAST_S = 2.0**31
 """End of the stamps of ROS, UTC in s."""
 
@@ -34,6 +37,7 @@ class PassState(StrEnum):
 
     WAITING = "waiting"
     ACTIVE = "active"
+    STANDBY = "standby"
     TRACKED = "tracked"
     LOST = "lost"
     YIELDS = "yields"
@@ -44,6 +48,7 @@ class PassState(StrEnum):
 
 OPEN = (PassState.WAITING, PassState.YIELDS)
 """States of passes that may still be tracked."""
+IN_WORK = (PassState.ACTIVE, PassState.STANDBY)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -119,6 +124,7 @@ class BetweenParams(Params):
     park_after_s: float = parameter(1200.0, "the antenna parks when the next pass is further away", low=0.0, high=1e6)
     stow_after_s: float = parameter(14400.0, "it is stowed when the next pass is further away", low=0.0, high=1e6)
     least_s: float = parameter(60.0, "a late pass is joined if so much of it is left", low=1.0, high=3600.0)
+    standby: bool = parameter(False, "an idle antenna follows the passes of its partners, to take them over")
     unwind_rad: float = parameter(
         math.radians(180.0), "an azimuth this far from the next start is unwound at once", low=0.1, high=20.0
     )
@@ -132,6 +138,8 @@ class Schedule:
     ) -> None:
         self.limits, self.axes, self.params, self.antenna = limits, axes, params or BetweenParams(), antenna
         self.entries: dict[str, Entry] = {}
+        self.taken: Collection[str] = ()
+        """Ids of passes that another antenna tracks."""
 
     def change(self, added: Iterable[ScheduledPass], removed: Iterable[str] = ()) -> None:
         """Take passes out and in, all or none; one with the id of another replaces it.
@@ -141,7 +149,7 @@ class Schedule:
         """
         entries = dict(self.entries)
         for each in removed:
-            if self.entry(each).state == PassState.ACTIVE:
+            if self.entry(each).state in IN_WORK:
                 raise ValueError(f"pass {each} is being tracked: skip it first")
             entries.pop(each, None)
         for item in added:
@@ -180,7 +188,12 @@ class Schedule:
     @property
     def active(self) -> Entry | None:
         """The pass in work."""
-        return next((each for each in self.entries.values() if each.state == PassState.ACTIVE), None)
+        return next((each for each in self.entries.values() if each.state in IN_WORK), None)
+
+    def rank(self, entry: Entry) -> int:
+        """Return the priority of a pass: all that another antenna tracks is below its own."""
+        theirs = entry.state == PassState.STANDBY or entry.item.id in self.taken
+        return entry.item.priority - STANDBY_RANK * theirs
 
     def expire(self, now_s: float) -> list[Entry]:
         """Note as missed what is over, or nearly over, and has not begun; return what is new."""
@@ -197,22 +210,27 @@ class Schedule:
 
         `taken`: ids that another antenna tracks.
         """
+        self.taken = taken
         self.expire(now_s)
         active, start = self.active, (now_s, place)
         open_ = [each for each in self.in_order if each.state in OPEN and each.item.los_t_s > now_s]
         for each in open_:
             each.planned, each.turn = False, None
-        mine = [each for each in open_ if each.item.id not in taken and each.item.antenna in ("", self.antenna)]
+        mine = [
+            each for each in open_
+            if each.item.antenna in ("", self.antenna) and (self.params.standby or each.item.id not in taken)
+        ]  # fmt: skip
         if active is not None:
             # What has a higher priority does not wait for the present pass.
-            above = [each for each in mine if each.item.priority > active.item.priority]
+            above = [each for each in mine if self.rank(each) > self.rank(active)]
             self._choose(above, start)
             start = self._free(active, place, now_s)
         rest = [each for each in mine if not each.planned]
         fixed = [each for each in mine if each.planned]
         self._choose([*fixed, *rest], start)
         for each in open_:
-            each.state = PassState.WAITING if each.planned else PassState.YIELDS
+            own = each.planned and each.item.id not in taken
+            each.state = PassState.WAITING if own else PassState.YIELDS
             if each.item.id in taken:
                 each.reason = "another antenna tracks it"
             elif each.item.antenna not in ("", self.antenna):
@@ -221,7 +239,7 @@ class Schedule:
     def _choose(self, entries: list[Entry], start: tuple[float, Pair]) -> None:
         """Mark the passes of the best plan from `start` on, and give the others their reasons."""
         now_s, place = start
-        candidates = [self._candidate(each.item, now_s, place) for each in entries]
+        candidates = [self._candidate(each, now_s, place) for each in entries]
         begin = (now_s, place)
         chosen = schedule(candidates, self.axes, begin, self.params.gap_s)
         reasons = reasons_against(candidates, chosen, self.axes, begin, self.params.gap_s)
@@ -231,7 +249,8 @@ class Schedule:
             each.turn = candidates[k].turns[turns[k]] if k in turns else None
             each.reason = "" if k in turns else reasons.get(k, "too little of it is left, or no turn of the axes fits")
 
-    def _candidate(self, item: ScheduledPass, now_s: float, place: Pair) -> Candidate:
+    def _candidate(self, entry: Entry, now_s: float, place: Pair) -> Candidate:
+        item = entry.item
         turns = self._turns(item)
         aos_t_s = item.aos_t_s
         if turns:
@@ -243,7 +262,7 @@ class Schedule:
                 turns, aos_t_s = (), item.aos_t_s
         return Candidate(
             name=item.name or item.target, aos_t_s=aos_t_s, los_t_s=item.los_t_s, peak_rad=item.peak_rad,
-            priority=item.priority, turns=turns,
+            priority=self.rank(entry), turns=turns,
         )  # fmt: skip
 
     def _turns(self, item: ScheduledPass) -> tuple[tuple[Pair, Pair], ...]:
@@ -265,7 +284,7 @@ class Schedule:
         """Return when the active pass ends: at its set, or in time for one of a higher priority."""
         above = [
             each for each in self.entries.values()
-            if each.planned and each.state in OPEN and each.item.priority > active.item.priority
+            if each.planned and each.state in OPEN and self.rank(each) > self.rank(active)
         ]  # fmt: skip
         end_s = active.item.los_t_s
         for each in above:
@@ -278,7 +297,7 @@ class Schedule:
 
     def next(self) -> Entry | None:
         """Return the first planned pass."""
-        return next((each for each in self.in_order if each.planned and each.state == PassState.WAITING), None)
+        return next((each for each in self.in_order if each.planned and each.state in OPEN), None)
 
     def begins_s(self, entry: Entry, place: Pair) -> float:
         """Return when the preparation of a planned pass must begin for an antenna at `place`."""

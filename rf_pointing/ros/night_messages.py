@@ -92,7 +92,7 @@ def hear_rival(node: ManagedNode, watch: NightWatch, key: CommandKey) -> None:
         if who != INSTANCE:
             if key.signed:
                 key.check_claim(message, EXECUTIVE_STATUS, node.get_namespace().strip("/"), node.now_s())
-            night = message.state != NightState.IDLE
+            night = message.state not in (NightState.IDLE, NightState.ENDED)
             watch.take_rival(who, night=night, first=who < INSTANCE, wall_s=time.monotonic())
 
     node.listen(ours.ExecutiveStatus, EXECUTIVE_STATUS, on_status, STATUS)
@@ -112,12 +112,13 @@ def hear_partner(node: ManagedNode, watch: NightWatch, key: CommandKey, name: st
 
     def on_schedule(message: ours.Schedule) -> None:
         check(message, SCHEDULE)
-        watch.take_partner(name, {each.id: each.state for each in message.passes}, time.monotonic())
+        watch.take_partner(name, time.monotonic(), states={each.id: each.state for each in message.passes})
 
     def on_status(message: ours.ExecutiveStatus) -> None:
         if (age_s := node.now_s() - check(message, EXECUTIVE_STATUS)) > CALL_S:
             raise ValueError(f"it is {age_s:.1f} s old, must be <= {CALL_S:.0f} s")
-        watch.take_partner(name, None, time.monotonic())
+        ended = message.state == NightState.ENDED
+        watch.take_partner(name, time.monotonic(), night=not ended and message.state != NightState.IDLE, ended=ended)
 
     node.listen(ours.Schedule, f"/{name}/{SCHEDULE}", on_schedule, LATCHED)
     node.listen(ours.ExecutiveStatus, f"/{name}/{EXECUTIVE_STATUS}", on_status, STATUS)

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rf_pointing.operations.schedule import OPEN, BetweenParams, PassState, Schedule, ScheduledPass
+from rf_pointing.operations.schedule import IN_WORK, OPEN, BetweenParams, PassState, Schedule, ScheduledPass
 from rf_pointing.planning import AxisLimits, AxisRates
 from test.conftest import within
 
@@ -77,7 +77,7 @@ def test_a_change_is_made_as_a_whole_or_not_at_all(present: dict[str, PassState]
         schedule.entry(each).state = state
     before = schedule.state()
     begun = {each for each, state in present.items() if state not in OPEN} - set(removed)
-    active = {each for each, state in present.items() if state == PassState.ACTIVE}
+    active = {each for each, state in present.items() if state in IN_WORK}
     if set(removed) - set(present) or active & set(removed) or begun & set(added):
         with pytest.raises(ValueError, match="not in the schedule|being tracked|cannot be replaced"):
             schedule.change([a_pass(each, 2000.0) for each in added], removed)

@@ -17,6 +17,7 @@ from rf_pointing.operations import AlarmParams, BetweenParams
 from rf_pointing.operations.dictionary import read_tables
 from rf_pointing.operations.executor import block_text
 from rf_pointing.operations.night import Night, NightState
+from rf_pointing.operations.partners import Partners
 from rf_pointing.operations.pass_work import filler_text, fillers_of
 from rf_pointing.operations.schedule import Entry, PassState, Schedule, ScheduledPass
 from rf_pointing.planning.horizon import horizon_to_notes
@@ -27,9 +28,6 @@ from rf_pointing.station.description import StationDescription
 from rf_pointing.station.parameters import controller_params
 from rf_pointing.station.pointing.status import Level, Report
 from rf_pointing.tracking.sensors import SENSOR_CHOICES, sensors_of
-
-CLAIMED = (PassState.WAITING, PassState.ACTIVE, PassState.TRACKED)
-BUSY = (PassState.ACTIVE, PassState.TRACKED)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,7 +87,7 @@ class NightWatch:
         self._memory, self._ready_to_keep = KeptState(own.state_file), False
         self._t_s = 0.0
         self._report, self._judged = "", 0
-        self._partners: dict[str, tuple[Mapping[str, str], float]] = {}
+        self._others = Partners(antenna, self.partners, alarms.node_silent_s)
         self._rivals: dict[str, tuple[bool, float]] = {}
         self._steered_by = ""
         self._shown: Any = None
@@ -121,10 +119,13 @@ class NightWatch:
 
     # What is known
 
-    def take_partner(self, name: str, states: Mapping[str, str] | None, wall_s: float) -> None:
-        """Note a sign of life of a partner, and the states of its passes by id, if it sent them."""
-        known = self._partners.get(name, ({}, 0.0))[0]
-        self._partners[name] = known if states is None else states, wall_s
+    def take_partner(self, name: str, wall_s: float, **known: object) -> None:
+        """Note what a partner has sent: fields of `Partner`."""
+        self._others.take(name, wall_s, self.night.schedule.active, **known)
+
+    def transmit_inhibit(self, wall_s: float) -> str:
+        """Return "" or why the antenna must not transmit in the pass in work."""
+        return self._others.transmit_inhibit(self.night.schedule.active, wall_s)
 
     def take_rival(self, who: str, *, night: bool, first: bool, wall_s: float) -> None:
         """Note another executive of this antenna: whether it has a `night`, and began `first`."""
@@ -162,25 +163,6 @@ class NightWatch:
         trackers = (traits.node for traits in sensors_of(SENSOR_CHOICES.get(sensor, "")))
         return {*NEEDED, *self.alarms.named, *trackers}
 
-    def _share(self, t_s: float, wall_s: float) -> None:
-        """Leave to the partners what they have: all that they plan if they come first by name.
-
-        A pass that they have tracked must have risen.
-        """
-        taken: set[str] = set()
-        entries = self.night.schedule.entries
-        for name, (states, seen_s) in self._partners.items():
-            alive = wall_s - seen_s <= self._thresholds.node_silent_s
-            first = name < self.night.schedule.antenna
-            theirs = (CLAIMED if first else BUSY) if alive else (PassState.TRACKED,)
-            taken |= {
-                each for each, state in states.items() if state in theirs and each in entries
-                and (state != PassState.TRACKED or entries[each].item.aos_t_s <= t_s)
-            }  # fmt: skip
-        if taken != self.night.taken:
-            self.night.taken = taken
-            self.night.change(t_s)
-
     # Work
 
     def poll(self, now_s: float) -> None:
@@ -192,7 +174,7 @@ class NightWatch:
         """Do what is due; return whether the night has just ended, with its morning report."""
         self.poll(t_s)
         self._observe(t_s, wall_s)
-        self._share(t_s, wall_s)
+        self._others.share(self.night, t_s, wall_s)
         before = self.night.state_name
         if self._stand_aside(wall_s):
             return False

@@ -19,6 +19,8 @@ from rf_pointing.station.description.content import RadioSection
 
 AGAIN_S = 1.0
 """A line is set again after so long, whoever else has set it."""
+PARTNER_S = 2.5
+"""Longest silence of an executive that shares its passes; partners take over after more."""
 NOT_ON_TARGET = (Mode.IDLE, Mode.SLEW, Mode.SEARCH, Mode.CALIBRATE)
 
 
@@ -44,6 +46,8 @@ class Antenna:
     axes_rad: Pair = (0.0, 0.0)
     inhibit: str = ""
     fault: str = ""
+    shares: bool = False
+    executive_inhibit: str = ""
     mode: str = Mode.IDLE
     target: str = ""
     error_rad: float = 0.0
@@ -78,6 +82,13 @@ class TransmitRules:
                 return f"{name} is silent"
         if antenna.fault or antenna.inhibit:
             return antenna.inhibit or f"antenna fault: {antenna.fault}"
+        if antenna.shares:
+            silence_s = wall_s - antenna.heard_s["executive_status"]
+            silent = "station_executive is silent, and a partner may transmit" * (
+                silence_s > PARTNER_S
+            )
+            if reason := silent or antenna.executive_inhibit:
+                return reason
         if antenna.mode in NOT_ON_TARGET:
             return f"the controller is not on a target: {antenna.mode}"
         if antenna.target != target:
