@@ -210,4 +210,4 @@ class OutletParams(Params):
     format: str = parameter("rtl_tcp", "how samples are served", choices=OUTLET_FORMATS)
     host: str = parameter("127.0.0.1", "address to serve on; of vita49, where to send to")
     port: int = parameter(1234, "port to serve on, or to send to", low=1, high=65535)
-    file: str = parameter("", "recording to write (sigmf): its .sigmf-meta file")
+    file: str = parameter("", "recording to write (sigmf), unless it exists: its .sigmf-meta file")

@@ -75,6 +75,7 @@ def outlet(of: Band) -> dict[str, Value]:
         "format": Value(kind, "receiver.type"),
         "host": Value(host, "receiver.link.host"),
         "port": Value(taken["link.port"], "receiver.link.port"),
+        "file": Value(taken["link.file"], "receiver.link.file"),
     }
 
 

@@ -24,6 +24,7 @@ PERIOD_S = 0.02
 STEP_SHARE = 1e-8
 """Largest step of a tuning, relative: 10 Hz at 1 GHz.  A rig that is slower is named."""
 LONGEST_ANSWER_S = 0.25
+SHORTEST_WAIT_S, LONGEST_WAIT_S = 0.001, 0.01
 ANY = "any"
 UNKEY_AGAIN_S = 0.1
 TRIES = 3
@@ -154,6 +155,11 @@ class RadioControl:
         self._tune(t_s)
         for rig in self._rigs:
             rig.step(wall_s)
+
+    def wait_s(self, wall_s: float) -> float:
+        """Return the time until `follow` is due: at the next answer of a rig, so that none waits."""
+        due_s = min((rig.due_s(wall_s) for rig in self._rigs), default=math.inf)
+        return min(max(due_s, SHORTEST_WAIT_S), LONGEST_WAIT_S)
 
     def rest(self, wall_s: float) -> None:
         """Unkey, and take the line down, until the next step."""
