@@ -13,6 +13,7 @@ LEVEL_KINDS = ("dbm", "c_n0_db_hz", "es_n0_db")
 LEVELS = ("scpi", "rigctl", "level")
 """Receivers that give levels, not samples."""
 COMMAND = "command"
+LARGEST_DB = 300.0
 UNKNOWN_FLOOR_DBM = -200.0
 OUTLET_FORMATS = ("rtl_tcp", "vita49", "zmq", "sigmf")
 MODULATIONS = ("cw", "bpsk", "qpsk", "fm")
@@ -143,6 +144,13 @@ class LevelParams(Params):
     bandwidth_hz: float = parameter(
         1e4, "noise bandwidth of the measurement (dbm)", low=1.0, high=1e9
     )
+
+    def db(self, value: float) -> float:
+        """Return the level in dB that a number means; ValueError for what no receiver measures."""
+        found = self.offset_db + self.scale_db * value
+        if not abs(found) <= LARGEST_DB:
+            raise ValueError(f"a level of {found:g} dB must be within {LARGEST_DB:.0f} dB of 0")
+        return found
 
 
 @dataclass(frozen=True, kw_only=True)
