@@ -44,7 +44,7 @@ from rf_pointing.station.antenna.radio import SimulatedRadio
 from rf_pointing.station.derive.axes import kinematics_of
 
 RATE_HZ, CENTRE_HZ = 240e3, 2249.98e6
-FAULT_S, SETTLED_S, BEGIN_S = 5.0, 8.0, 200.0
+FAULT_S, SETTLED_S, BEGIN_S = 5.0, 8.0, 420.0
 NAMED_S, BACK_S, LOSS_DB = 2.0, 20.0, 1.0
 FLY = "--fly"
 
@@ -132,7 +132,7 @@ class Flight:
     def __init__(self, kind: str, folder: Path) -> None:
         port, namespace = free_port(), f"/faults_{kind}"
         address = f"{kind}://localhost:{port}?iq.rate_hz={RATE_HZ:.0f}&iq.centre_mhz={1e-6 * CENTRE_HZ}"
-        words = ["--station", "leo_3m7", "--band", "S", "--mask", "8", "--sensor", "conscan", "--processes", "8",
+        words = ["--station", "leo_3m7", "--band", "S", "--mask", "8", "--sensor", "conscan",
                  "--namespace", namespace, "--output", str(folder), "--receiver", address]  # fmt: skip
         self.radio = Radio(kind, port, words)
         self.words, self.mode, self.levels_s = "not yet", "", 0.0

@@ -47,7 +47,7 @@ def flown(name: str, folder: Path, *, by_samples: bool) -> tuple[float, float]:
         place = folder.parent / "pass.sigmf-meta" if kind == "sigmf" else f"localhost:{free_port()}"
         words += ["--receiver", f"{kind}://{place}?iq.rate_hz={RATE_HZ}{more}"]
     done = subprocess.run(words, capture_output=True, text=True, stdin=subprocess.DEVNULL, check=False)
-    found = _RESULT.search(done.stdout)
+    found = _RESULT.search(done.stdout + done.stderr)
     if found is None:
         raise RuntimeError(
             f"{' '.join(words)} ended with {done.returncode}: {done.stdout[-2000:]}{done.stderr[-2000:]}"

@@ -126,7 +126,8 @@ class SigMf(Source):
         due = int((self.now_s() - self._begun_s) * rate)
         count = min(due, self._samples) - self._at
         if count < PIECE_S * rate:
-            if due - self._at > self.params.link.silence_s * rate:
+            # Before it counts as silent, which says less.
+            if due - self._at > 0.8 * self.params.link.silence_s * rate:
                 raise ConnectionError("the recording has ended")
             time.sleep(0.5 * PIECE_S)
             return ()
