@@ -173,6 +173,12 @@ class SignalReceiverParams(Params):
     signal: SignalSearchParams = parameter(SignalSearchParams(), "what is measured in samples")
     level: LevelParams = parameter(LevelParams(), "what a reported level means")
 
+    @property
+    def level_known(self) -> bool:
+        """Whether the C/N0 is one: a power without its noise is not."""
+        level = self.level
+        return self.type not in LEVELS or level.kind != "dbm" or level.floor_dbm > UNKNOWN_FLOOR_DBM
+
 
 @dataclass(frozen=True, kw_only=True)
 class OscillatorParams(Params):

@@ -75,6 +75,10 @@ def test_gates_know_whether_a_level_is_a_c_n0(tmp_path: Path, section: str, know
             {"link": {"file": "/tmp/a.sigmf-meta"}, "iq": {"rate_hz": 48000}},
         ),
         ("level://x?level.kind=es_n0_db", {"level": {"kind": "es_n0_db"}}),
+        (
+            "zmq://x:5?iq.rate_hz=1.0e6&signal.preamble=01101000",
+            {"iq": {"rate_hz": 1e6}, "signal": {"preamble": "01101000"}},
+        ),
     ],
 )
 def test_an_address_means_a_section(address: str, expected: dict[str, Any]) -> None:
