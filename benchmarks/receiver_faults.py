@@ -1,10 +1,9 @@
 """Disturb the samples of a flown pass: is it named, does the beam coast, does the tracker go on?
 
-    scripts/run-python benchmarks/receiver_faults.py [--kind rtl_tcp] [--rounds 1] [--json FILE]
+    scripts/run-python benchmarks/receiver_faults.py [--kind vita49] [--rounds 1] [--json FILE]
 
 `track` flies a pass of leo_3m7 (S band, conscan) in real time.  In place of `signal_source` this
-script makes the samples from where the beam is, as rtl_tcp, and as DIFI for what only stamps can
-show.  Each fault lasts 5 s.  Named is the time until its words appear on /diagnostics; off is the
+script makes the samples from where the beam is, as DIFI or rtl_tcp.  Each fault lasts 5 s.  Named is the time until its words appear on /diagnostics; off is the
 largest loss of the true beam from begin of the fault until the tracker is back, in dB; back the
 time from its end until conscan tracks again with a level and no problem.  At last the memory that
 signal_receiver has gained since the first round.
@@ -28,11 +27,12 @@ import numpy as np
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from real_station import free_port
+from rf_pointing_msgs import msg as ours
 from rf_pointing_msgs.msg import Boresight, TrackingStatus
 
 from rf_pointing.api import live
 from rf_pointing.commands import track
-from rf_pointing.core import Mode
+from rf_pointing.core import Mode, PointingError
 from rf_pointing.ephemeris.source import load_track
 from rf_pointing.receiver.params import OutletParams
 from rf_pointing.receiver.serving import Outlet, make_outlet
@@ -85,14 +85,19 @@ class Radio:
         self.outlet.centre_hz = CENTRE_HZ + by_hz
         self._signal.radio = self._signal.radio.replace(centre_hz=CENTRE_HZ + by_hz)
 
-    def take(self, message: Boresight) -> None:
+    def state(self, share: float) -> None:
+        assert self.outlet is not None
+        self.outlet.rate_hz = share * RATE_HZ
+
+    def take(self, message: Boresight) -> PointingError | None:
+        """Make and send the samples of a tick; return the truth."""
         piece = self._signal.take(convert.boresight_from_message(message))
         if piece is None:
-            return
+            return None
         error_rad = math.hypot(piece.truth.cross_elevation_rad, piece.truth.elevation_rad)
         self.loss_db = 12.04 * (error_rad / self.width_rad) ** 2
         if self.silent or self.outlet is None:
-            return
+            return piece.truth
         samples, count = piece.samples, piece.samples.shape[1]
         if self.noise:
             samples = (self._random.integers(0, 2, (1, 2 * count)) * np.float32(2.0) - 1.0).view(np.complex64)
@@ -100,6 +105,7 @@ class Radio:
         sent = parts.view(np.complex64)[:, : round(self.share * count)]
         with suppress(OSError):
             self.outlet.send(np.ascontiguousarray(sent), piece.t_s - self.late_s)
+        return piece.truth
 
 
 Act = Callable[[Radio], object]
@@ -109,19 +115,20 @@ def setting(name: str, value: float) -> Act:
     return lambda radio: setattr(radio, name, value)
 
 
+OF_BOTH: dict[str, tuple[Act, Act, str]] = {
+    "killed": (Radio.shut, Radio.open, " at "),
+    "stalled": (setting("silent", True), setting("silent", False), "silent"),
+    "garbage": (setting("noise", True), setting("noise", False), "garbage"),
+    "clipped": (setting("gain", 300.0), setting("gain", 1.0), "clipped"),
+}
 FAULTS: dict[str, dict[str, tuple[Act, Act, str]]] = {
-    "rtl_tcp": {
-        "killed": (Radio.shut, Radio.open, "rtl_tcp at"),
-        "stalled": (setting("silent", True), setting("silent", False), "silent"),
-        "garbage": (setting("noise", True), setting("noise", False), "garbage"),
-        "clipped": (setting("gain", 300.0), setting("gain", 1.0), "clipped"),
-        "half the rate": (setting("share", 0.5), setting("share", 1.0), "arrive"),
-    },
-    "vita49": {
-        "killed": (Radio.shut, Radio.open, "vita49 at"),
+    "vita49": OF_BOTH
+    | {
         "1e9 samples late": (setting("late_s", 1e9 / RATE_HZ), setting("late_s", 0.0), "late"),
         "retuned by 30 kHz": (lambda radio: radio.retune(-3e4), lambda radio: radio.retune(0.0), "retuned"),
+        "half the rate stated": (lambda radio: radio.state(0.5), lambda radio: radio.state(1.0), "rate"),
     },
+    "rtl_tcp": OF_BOTH | {"half the rate": (setting("share", 0.5), setting("share", 1.0), "arrive")},
 }
 """By the kind of the source: what begins and what ends a fault, and a word that names it."""
 
@@ -141,6 +148,7 @@ class Flight:
         self.node = rclpy.create_node("disturber", namespace=namespace)
         self.executor = make_executor()
         self.executor.add_node(self.node)
+        self._truth, self._ticks = self.node.create_publisher(ours.PointingError, "sim/pointing_error", STREAM), 0
         self.node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, STREAM)
         self.node.create_subscription(TrackingStatus, "tracking_status", self._on_status, STREAM)
         self.node.create_subscription(Boresight, "sim/boresight", self._on_boresight, SAMPLES)
@@ -156,7 +164,10 @@ class Flight:
         self.modes.add(message.mode)
 
     def _on_boresight(self, message: Boresight) -> None:
-        self.radio.take(message)
+        truth = self.radio.take(message)
+        self._ticks += 1
+        if truth is not None and self._ticks % 5 == 0:
+            self._truth.publish(convert.error_to_message(truth))
         self.worst_db = max(self.worst_db, self.radio.loss_db)
 
     def good(self) -> bool:
@@ -218,14 +229,14 @@ def fly(words: list[str]) -> None:
 def main() -> int:
     """Disturb, print the table, and return the exit code."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--kind", choices=list(FAULTS), help="one kind of source alone")
+    parser.add_argument("--kind", choices=list(FAULTS), default="vita49")
     parser.add_argument("--rounds", type=int, default=1)
     parser.add_argument("--json", type=Path)
     options = parser.parse_args()
     os.environ |= {"ROS_DOMAIN_ID": str(random.randrange(1, 100)), "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4"}
     rclpy.init()
     rows = list[dict[str, object]]()
-    for kind in [options.kind] if options.kind else FAULTS:
+    for kind in [options.kind]:
         with tempfile.TemporaryDirectory() as place:
             flight, before = Flight(kind, Path(place)), math.nan
             try:

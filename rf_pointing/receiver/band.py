@@ -6,7 +6,8 @@ B is the stated band, N0 the density next to it.  The band is put where it holds
 that stands out of the noise in an average over 1 s, or in one over 16 s out of the bands next to
 it, which no slope of the receiver's response does; until then it is where it is predicted.  The
 standard deviation comes from the differences of successive blocks, which a slow change of the level
-does not reach.  Where noise dominates, its bound is N0 sqrt(B / T); a constant envelope is known better.
+does not reach.  Where noise dominates, its bound is N0 sqrt(B / T); a constant envelope is known
+better.
 """
 
 import math
@@ -109,15 +110,18 @@ class BandPower:
         begins = begins[(begins >= aside) & (begins + width + aside < len(sums))]
         held = sums[begins + width] - sums[begins]
         if apart:
-            both = sums[begins + width + [[-aside], [aside]]] - sums[begins + [[-aside], [aside]]]
+            sides = (begins + each for each in (-aside, aside))
+            left, right = (sums[each + width] - sums[each] for each in sides)
             # Beyond the received span there is nothing to compare with.
             whole = known[begins + width + aside] - known[begins - aside] == width + 2 * aside
-            held = np.where(whole, held - np.mean(both, axis=0), 0.0)
+            held = np.where(whole, held - 0.5 * (left + right), 0.0)
         else:
             held = held - noise * width
         if not len(begins):
             return None
-        sigma = noise * math.sqrt(HANN_CORRELATION * width / average.looks * (1.5 if apart else 1.0))
+        sigma = noise * math.sqrt(
+            HANN_CORRELATION * width / average.looks * (1.5 if apart else 1.0)
+        )
         at = int(np.argmax(held))
         tries = 1e4 * len(begins) / width + 1e4
         if held[at] <= max(params.lock_sigmas, math.sqrt(2.0 * math.log(tries))) * sigma:

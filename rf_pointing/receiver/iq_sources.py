@@ -146,7 +146,7 @@ class SigMf(Source):
 
 
 class Recording(NamedTuple):
-    """What a .sigmf-meta file says; centre frequency and time are None where it does not."""
+    """Contents of a .sigmf-meta file; a centre frequency or time that it leaves out is None."""
 
     rate_hz: float
     kind: str

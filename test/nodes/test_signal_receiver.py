@@ -32,7 +32,9 @@ class Wireless:
     def __init__(self, make_bench: Callable[..., Any], folder: Path, kind: str) -> None:
         station, shipped = folder / "dish.yaml", read_station("leo_3m7")
         link = {"host": "127.0.0.1", "port": free_port(), "first_retry_s": 0.05, "longest_retry_s": 0.1}
-        own = {"type": kind, "iq.rate_hz": 480e3, "iq.converter_mhz": 4000.0} | {f"link.{name}": value for name, value in link.items()}
+        own = {"type": kind, "iq.rate_hz": 480e3, "iq.converter_mhz": 4000.0} | {
+            f"link.{name}": value for name, value in link.items()
+        }
         shipped.write(station, {f"receiver.{name}": value for name, value in own.items()})
         elements = write_elements(folder, shipped.site, time.time() + 60.0)
         self.track = load_track(SourceParams(elements=str(elements), satellite=NAME, site=shipped.site))

@@ -13,6 +13,7 @@ from rf_pointing.receiver.band import band_bound
 from rf_pointing.receiver.carrier import power_bound
 from rf_pointing.receiver.iq_sources import decoded
 from rf_pointing.receiver.params import SignalSearchParams
+from rf_pointing.receiver.serving import PAYLOAD
 from test.receiver.planted import PIECE_S, START_S, Planted, mean_db, ratios
 
 WITHIN_DB = 0.3
@@ -163,8 +164,9 @@ def test_a_line_like_the_signal_is_a_problem(kind: str, line_db_hz: float, named
     assert bool(problem) == named
 
 
+@pytest.mark.parametrize("size", [PAYLOAD, 4800], ids=["datagrams", "pieces"])
 @pytest.mark.parametrize("format_", ["ends", "cu8", "ci16", "cf32"])
-def test_random_numbers_are_named(format_: str, random: np.random.Generator) -> None:
+def test_random_numbers_are_named(format_: str, size: int, random: np.random.Generator) -> None:
     planted = Planted(55.0)
     planted.run(3.0)
     for _ in range(round(2.0 / PIECE_S)):
@@ -175,7 +177,9 @@ def test_random_numbers_are_named(format_: str, random: np.random.Generator) -> 
             samples, clipped = parts.view(np.complex64), 1.0
         else:
             samples, clipped = decoded(random.bytes(count * BYTES[format_]), format_)
-        planted.meter.take(replace(piece, samples=samples, clipped=clipped))
+        for first in range(0, samples.shape[1], size):
+            part = replace(piece, samples=samples[:, first : first + size], index=piece.index + first, clipped=clipped)
+            planted.meter.take(part)
     problem = planted.meter.problem(planted.time_s(planted.index))
     assert problem.startswith("the samples are random numbers of full scale: garbage")
     assert abs(mean_db(planted.run(4.0, settle_s=2.0)) - 55.0) < WITHIN_DB

@@ -111,7 +111,8 @@ def test_a_run_with_a_receiver_has_its_nodes_and_real_time() -> None:
 def test_the_nodes_of_every_receiver() -> None:
     rest = tuple(name for name in NODES if name != "rf_receiver")
     assert with_receiver(NODES, "simulated") == NODES
-    assert with_receiver(NODES, "rtl_tcp") == (*rest, "signal_source", "signal_receiver")
+    for served in ("rtl_tcp", "vita49", "zmq", "sigmf"):
+        assert with_receiver(NODES, served) == (*rest, "signal_source", "signal_receiver")
     assert with_receiver(NODES, "scpi") == (*rest, "signal_receiver")
     assert with_receiver(NODES, "topic") == rest
     assert with_receiver(DRIVE_NODES, "rtl_tcp") == (*DRIVE_NODES, "signal_receiver")
