@@ -3,10 +3,11 @@
     scripts/run-python benchmarks/receiver_faults.py [--kind vita49] [--rounds 1] [--json FILE]
 
 `track` flies a pass of leo_3m7 (S band, conscan) in real time.  In place of `signal_source` this
-script makes the samples from where the beam is, as DIFI or rtl_tcp.  Each fault lasts 5 s.  Named is the time until its words appear on /diagnostics; off is the
-largest loss of the true beam from begin of the fault until the tracker is back, in dB; back the
-time from its end until conscan tracks again with a level and no problem.  At last the memory that
-signal_receiver has gained since the first round.
+script makes the samples from where the beam is, as DIFI or rtl_tcp.  Each fault lasts 5 s.  Named
+is the time until its words appear on /diagnostics; off is the largest loss of the true beam from
+begin of the fault until the tracker is back, in dB; back the time from its end until conscan tracks
+again with a level and no problem.  At last the memory that signal_receiver's process has gained
+since the first round.
 """
 
 import argparse
@@ -247,8 +248,12 @@ def main() -> int:
                     for name, fault in FAULTS[kind].items():
                         row = flight.disturb(name, *fault)
                         rows.append(row)
-                        print(f"{'ok' if row['good'] else 'FAILS':<6}{name:<20}named {row['named_s']:5.2f} s, off at most "
-                              f"{row['off_db']:.2f} dB ({', '.join(row['modes'])}), back {row['back_s']:5.2f} s", flush=True)  # fmt: skip
+                        print(
+                            f"{'ok' if row['good'] else 'FAILS':<6}{name:<22}named {row['named_s']:5.2f} s, "
+                            f"off at most {row['off_db']:.2f} dB ({', '.join(row['modes'])}), "
+                            f"back {row['back_s']:5.2f} s",
+                            flush=True,
+                        )
                     before = flight.megabytes() if not round_ else before
                 now = flight.megabytes()
                 print(f"      signal_receiver: {now:.1f} MB, {now - before:+.1f} since the first round")
