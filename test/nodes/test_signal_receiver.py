@@ -94,4 +94,3 @@ def test_radio_and_receiver_follow_to_another_band_and_measure_what_its_beam_and
         assert numbers.frequency_hz == sets["sdr"].doppler_hz == link.receiver.node.station.sets("rf_receiver", band)[
             "signal"].frequency_hz  # fmt: skip
         assert float(np.median(link.levels[-8:])) == pytest.approx(link.level_db_hz(sets["signal"]), abs=0.5)
-        assert link.receiver.health("signal").message in ("the signal is measured", "")
