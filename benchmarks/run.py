@@ -49,13 +49,13 @@ QUICK = {
 """Benchmarks in simulated time, and the arguments of a quick run."""
 WALL_TIME = (
     "attack", "first_hour", "graph", "live_sensors", "live_stalls", "memory_growth", "operator_page", "processes",
-    "real_campaign", "receiver_faults", "receiver_pass", "rotator_pass", "servo_jitter", "slews_on_a_drive", "soak",
-    "two_computers",
+    "radio", "real_campaign", "receiver_faults", "receiver_pass", "rotator_pass", "servo_jitter",
+    "slews_on_a_drive", "soak", "two_computers",
 )  # fmt: skip
 MINUTES = (
     "array_trials", "clock", "ephemeris_accuracy", "ephemeris_trials", "error_ledger", "lock_watch", "lqg_tuning", "mutants",
-    "network_plan", "plant_tuning", "scanning_campaigns", "scans", "servo_tuning", "strong_carriers", "target_uncertainty",
-    "tuning_trials", "zenith_passes",
+    "network_plan", "plant_tuning", "receiver_accuracy", "receiver_memory", "scanning_campaigns", "scans",
+    "servo_tuning", "strong_carriers", "target_uncertainty", "tuning_trials", "zenith_passes",
 )  # fmt: skip
 PARTS = ("launched_station", "live_night", "night_simulation", "real_station")
 """Modules of other benchmarks, without a command of their own."""

@@ -8,6 +8,7 @@ ValueErrors in the operator's words.
 import math
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -22,7 +23,7 @@ from rf_pointing.api.target import Target
 from rf_pointing.core import AXES, MDEG, Params, Sensor, require_between
 from rf_pointing.core.checks import id_of
 from rf_pointing.core.dates import DAY_S, parse_utc, utc_text
-from rf_pointing.core.parameters import flat, read_parameter_files, with_leaves
+from rf_pointing.core.parameters import flat, leaves, read_parameter_files, with_leaves
 from rf_pointing.ephemeris import Elements, ElementUncertainty, Pass, first_pass_above, stale_warning
 from rf_pointing.ephemeris.solar import SolarDirection
 from rf_pointing.ephemeris.source import SourceParams, read_source
@@ -164,6 +165,16 @@ class RunRequest:
         return float(math.ceil(max(times) + SETTLE_S))
 
 
+def _read(key: str, text: str) -> Any:
+    """Return the value of a receiver's parameter: a text as it is, else as YAML has it."""
+    _, default = leaves(SignalReceiverParams()).get(key, ("", None))
+    value = text if isinstance(default, str) else yaml.safe_load(text)
+    # A number of YAML 1.2 that YAML 1.1 takes for a text.
+    with suppress(ValueError):
+        return float(value) if isinstance(default, float) and isinstance(value, str) else value
+    return value
+
+
 def receiver_section(text: str, before: ReceiverSection) -> ReceiverSection:
     """Return the receiver that an address means, its further keys after `?`.
 
@@ -183,7 +194,7 @@ def receiver_section(text: str, before: ReceiverSection) -> ReceiverSection:
         section, _, name = key.partition(".")
         if section not in sections:
             raise ValueError(f"receiver={text!r}: {key} must begin with one of {', '.join(sections)}")
-        sections[section][name] = yaml.safe_load(value)
+        sections[section][name] = _read(key, value)
     if kind not in known_types():
         raise ValueError(f"receiver={text!r} must begin with one of {', '.join(known_types())} and ://")
     given = {f"{name}.{key}": value for name in OPEN for key, value in sections[name].items()}

@@ -7,6 +7,7 @@
 time, but for the key, which never waits for an answer.
 """
 
+import math
 import re
 from collections import Counter, deque
 from collections.abc import Callable
@@ -95,6 +96,10 @@ class Rig:
             self._lose(t_s, f"no answer to {_name(sent)} for {t_s - sent_s:.1f} s")
         elif not self._pending and (line_now := self._next(t_s)):
             self._send(line_now, t_s)
+
+    def due_s(self, t_s: float) -> float:
+        """Return the time until the answer under way is due, as long as the one before took."""
+        return self._pending[0][1] + self.answer_s - t_s if self._pending else math.inf
 
     def close(self) -> None:
         """Unkey and release the rig."""

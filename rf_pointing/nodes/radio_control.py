@@ -96,7 +96,7 @@ class RadioControlNode(StationNode):
         while self._refused:
             self.log_once("line refused", self._refused.popleft())
         self._radio.follow(self.now_s(), time.monotonic())
-        return 0.01
+        return self._radio.wait_s(time.monotonic())
 
     def _step(self, t_s: float) -> None:
         wall_s = time.monotonic()

@@ -3,9 +3,11 @@
     C = P - N0 B,   P = sum over the band's bins |S|^2 / (0.375 N^2)
 
 B is the stated band, N0 the density next to it.  The band is put where it holds most power, once
-that stands out of the noise; until then it is where it is predicted.  The standard deviation comes
-from the differences of successive blocks, which a slow change of the level does not reach.  Where
-noise dominates, its bound is N0 sqrt(B / T); a constant envelope is known better.
+that stands out of the noise in an average over 1 s, or in one over 16 s out of the bands next to
+it, which no slope of the receiver's response does; until then it is where it is predicted.  The
+standard deviation comes from the differences of successive blocks, which a slow change of the level
+does not reach.  Where noise dominates, its bound is N0 sqrt(B / T); a constant envelope is known
+better.
 """
 
 import math
@@ -17,7 +19,7 @@ from rf_pointing.core.types import Array
 from rf_pointing.receiver.params import SignalSearchParams
 from rf_pointing.receiver.spectrum import HANN_CORRELATION, HANN_POWER, Layout
 
-FOLLOW_S = 1.0
+FOLLOW_S, WEAK_S = 1.0, 16.0
 SCATTER_S = 2.0
 
 
@@ -32,8 +34,8 @@ class BandPower:
     def __init__(self, params: SignalSearchParams, layout: Layout) -> None:
         self._params, self._layout = params, layout
         self._half = max(1, round(0.5 * params.band_hz / layout.bin_hz))
-        self._mean: Array | None = None
-        self._looks = 0.0
+        self._fast, self._slow = (_Average(layout.hop_s / each) for each in (FOLLOW_S, WEAK_S))
+        self._strong = False
         self._before: float | None = None
         self._scatter, self._count = 0.0, 0
         self.centre_bins = 0.0
@@ -51,13 +53,8 @@ class BandPower:
 
     def take(self, power: NDArray[np.float32]) -> float:
         """Take a block's spectrum around the predicted frequency; return the power in the band."""
-        share = min(1.0, self._layout.hop_s / FOLLOW_S)
-        self._looks = (1.0 - share) * self._looks + 1.0
-        self._mean = (
-            power.astype(np.float64)
-            if self._mean is None
-            else self._mean + (power - self._mean) / self._looks
-        )
+        self._fast.take(power)
+        self._slow.take(power)
         middle = len(power) // 2 + round(self.centre_bins)
         inside = power[middle - self._half : middle + self._half + 1]
         value = float(np.sum(inside, dtype=np.float64)) / (HANN_POWER * self._layout.block**2)
@@ -78,31 +75,86 @@ class BandPower:
         return math.sqrt(self._scatter / blocks)
 
     def forget(self) -> None:
-        """Begin anew with the average in which the band is looked for."""
-        self._mean, self._looks = None, 0.0
+        """Begin anew with the averages in which the band is looked for."""
+        self._fast.forget()
+        self._slow.forget()
 
     def follow(self, noise: float) -> None:
         """Put the band where it holds most power; `noise` is the mean power of a bin of noise."""
-        if self._mean is None or noise <= 0.0 or self._looks < 5.0:
+        if noise <= 0.0:
             return
-        middle, reach = (
-            len(self._mean) // 2,
-            max(1, round(self._params.uncertainty_hz / self._layout.bin_hz)),
-        )
-        sums = np.concatenate([[0.0], np.cumsum(self._mean)])
-        width = 2 * self._half + 1
+        before, place = self._strong, self._place(self._fast, noise)
+        self._strong = place is not None
+        if before and not self._strong:
+            # What was strong would be seen there for long.
+            self._slow.forget()
+        if place is None:
+            place = self._place(self._slow, noise, apart=True)
+        self.found = place is not None
+        if place is not None:
+            self.centre_bins += 0.3 * (place - self.centre_bins)
+
+    def _place(self, average: "_Average", noise: float, *, apart: bool = False) -> float | None:
+        """Return the middle of the band that holds most, None where noise alone may give it.
+
+        With `apart` it must hold more than the mean of the two bands next to it.
+        """
+        if average.looks < 5.0:
+            return None
+        mean, params = average.mean, self._params
+        middle = len(mean) // 2
+        reach = max(1, round(params.uncertainty_hz / self._layout.bin_hz))
+        sums, known = (np.concatenate([[0.0], np.cumsum(each)]) for each in (mean, mean > 0.0))
+        width, aside = 2 * self._half + 1, 3 * self._half if apart else 0
         begins = np.arange(middle - reach - self._half, middle + reach - self._half + 1)
-        begins = begins[(begins >= 0) & (begins + width < len(sums))]
+        begins = begins[(begins >= aside) & (begins + width + aside < len(sums))]
         held = sums[begins + width] - sums[begins]
-        sigma = noise * math.sqrt(HANN_CORRELATION * width / self._looks)
-        at = int(np.argmax(held))
-        limit = max(
-            self._params.lock_sigmas, math.sqrt(2.0 * math.log(1e4 * len(begins) / width + 1e4))
+        if apart:
+            sides = (begins + each for each in (-aside, aside))
+            left, right = (sums[each + width] - sums[each] for each in sides)
+            # Beyond the received span there is nothing to compare with.
+            whole = known[begins + width + aside] - known[begins - aside] == width + 2 * aside
+            held = np.where(whole, held - 0.5 * (left + right), 0.0)
+        else:
+            held = held - noise * width
+        if not len(begins):
+            return None
+        sigma = noise * math.sqrt(
+            HANN_CORRELATION * width / average.looks * (1.5 if apart else 1.0)
         )
-        self.found = float(held[at]) - noise * width > limit * sigma
-        if self.found:
-            # A flat top has no one best place: the middle of those that are as good.
-            good = np.flatnonzero(held >= held[at] - sigma)
-            self.centre_bins += 0.3 * (
-                float(np.mean(begins[good])) + self._half - middle - self.centre_bins
-            )
+        at = int(np.argmax(held))
+        tries = 1e4 * len(begins) / width + 1e4
+        if held[at] <= max(params.lock_sigmas, math.sqrt(2.0 * math.log(tries))) * sigma:
+            return None
+        # A flat top has no one best place: the middle of those that are as good.
+        good = np.flatnonzero(held >= held[at] - sigma)
+        return float(np.mean(begins[good])) + self._half - middle
+
+
+class _Average:
+    """The mean spectrum, each block with `share`, and the blocks that it is worth."""
+
+    def __init__(self, share: float) -> None:
+        self._share = min(1.0, share)
+        self.forget()
+
+    def forget(self) -> None:
+        """Begin anew."""
+        self._sum, self._known = (np.zeros(0),) * 2
+        self.looks = 0.0
+
+    def take(self, power: NDArray[np.float32]) -> None:
+        """Take a block, 0 where it is outside of the received span."""
+        kept = 1.0 - self._share
+        known = power > 0.0
+        if self.looks:
+            self._sum, self._known = kept * self._sum + power, kept * self._known + known
+        else:
+            self._sum, self._known = power.astype(np.float64), known.astype(np.float64)
+        self.looks = kept * self.looks + 1.0
+
+    @property
+    def mean(self) -> Array:
+        """The mean of the blocks in which a bin was received; 0 where it was in less than half."""
+        known = self._known > 0.5 * self.looks
+        return np.where(known, self._sum / np.where(known, self._known, 1.0), 0.0)

@@ -70,7 +70,10 @@ class ReceiverCheck:
         problem = self._receiver.problem(self._t_s)
         levels = [each.power.carrier_to_noise_db_hz for _, each in self._measured]
         level = float(np.median(levels)) if levels else -math.inf
-        return Line("signal", not problem, problem or f"C/N0 {level:.1f} dB-Hz")
+        found = f"C/N0 {level:.1f} dB-Hz"
+        if not self._receiver.params.level_known:
+            found = "its changes are known, not its C/N0: level.floor_dbm is unknown"
+        return Line("signal", not problem, problem or found)
 
     def _sigma(self) -> Line:
         """Compare the scatter of successive powers with the sigma that they state."""

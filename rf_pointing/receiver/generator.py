@@ -30,7 +30,8 @@ class SignalGenerator:
         self._oscillator = Oscillator(
             params.oscillator, random_stream(params.seed, "signal generator oscillator")
         )
-        self._waveform = waveform(params, random_stream(params.seed, "signal generator symbols"))
+        period = waveform(params, random_stream(params.seed, "signal generator symbols"))
+        self._waveform = None if period is None else np.append(period, period[:1])
         self._phase, self._symbol, self._line = 0.0, 0.0, 0.0
         self.count = 0
         """Samples made so far."""
@@ -51,8 +52,11 @@ class SignalGenerator:
         self._phase = (self._phase + 0.5 * (begin + end) * count) % 1.0
         if self._waveform is not None:
             step = params.symbol_rate_hz / rate_hz
-            place = (self._symbol + step * n) % SYMBOLS
-            carrier = carrier * self._waveform[(place * OVERSAMPLING).astype(np.int64)]
+            place = (self._symbol + step * n) % SYMBOLS * OVERSAMPLING
+            low = place.astype(np.int64) % (SYMBOLS * OVERSAMPLING)
+            before, after = self._waveform[low], self._waveform[low + 1]
+            # Between two values: the nearest would be noise, 40 dB below the carrier.
+            carrier = carrier * (before + (place - low).astype(np.float32) * (after - before))
             self._symbol = (self._symbol + step * count) % SYMBOLS
         level = np.asarray(volts, dtype=np.complex64)
         noise = self._noise.standard_normal((params.channels, 2 * count), dtype=np.float32).view(

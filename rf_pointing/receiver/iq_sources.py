@@ -1,11 +1,12 @@
 """Sources of samples: rtl_tcp, SigMF recordings, GNU Radio over ZMQ, SoapySDR."""
 
 import json
+import os
 import struct
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
 
@@ -17,6 +18,8 @@ from rf_pointing.receiver.spectrum import Samples
 RTL_MAGIC, RTL_HEADER = b"RTL0", 12
 RTL_FREQUENCY, RTL_RATE, RTL_GAIN_MODE, RTL_GAIN, RTL_AGC = 1, 2, 3, 4, 8
 PIECE_S = 0.02
+SOON_S = 10.0
+"""A recording that begins so soon is waited for."""
 LARGEST = 1e9
 """Larger floats are garbage; the sum of their squares would overflow."""
 FULL_SCALE: dict[str, tuple[Any, float]] = {
@@ -88,41 +91,82 @@ class RtlTcp(ByteSource):
 
 
 class SigMf(Source):
-    """A SigMF recording, replayed in time; its first sample is now."""
+    """A SigMF recording, replayed in time: at its own while the station's clock is within it.
+
+    Else its first sample is now.  One that is still written is followed.
+    """
+
+    _own = False
+    _data: BinaryIO | None = None
 
     def open(self) -> None:
-        path = Path(self.params.link.file)
-        self._data, rate_hz, self._kind, self._channels, self._centre_hz, self.recorded_s = (
-            read_sigmf(path)
-        )
-        if rate_hz != self.params.iq.rate_hz:
+        path, link = Path(self.params.link.file), self.params.link
+        self._about = about = read_sigmf(path)
+        if about.rate_hz != self.params.iq.rate_hz:
             raise ValueError(
-                f"iq.rate_hz={self.params.iq.rate_hz} must be {rate_hz}, that of {path.name}"
+                f"iq.rate_hz={self.params.iq.rate_hz} must be {about.rate_hz}, that of {path.name}"
             )
-        self._at, self._begun_s, self._first = 0, self.now_s(), self.index
+        self._data = path.with_suffix(".sigmf-data").open("rb")
+        now_s, begun_s = self.now_s(), about.recorded_s
+        if begun_s is not None:
+            longest_s = self._samples / about.rate_hz + link.silence_s
+            self._own |= -SOON_S <= now_s - begun_s < longest_s
+        self._begun_s = begun_s if self._own and begun_s is not None else now_s
+        self._at = max(0, int((now_s - self._begun_s) * about.rate_hz))
+        # A gap in the count begins a new stream.
+        self.index += 1
+
+    @property
+    def _samples(self) -> int:
+        assert self._data is not None
+        return self._data.seek(0, os.SEEK_END) // self._about.sample_bytes
 
     def read(self) -> Sequence[Arrival]:
-        rate = self.params.iq.rate_hz
+        rate, each = self.params.iq.rate_hz, self._about.sample_bytes
         due = int((self.now_s() - self._begun_s) * rate)
-        if due - self._at < PIECE_S * rate:
+        count = min(due, self._samples) - self._at
+        if count < PIECE_S * rate:
+            # Before it counts as silent, which says less.
+            if due - self._at > 0.8 * self.params.link.silence_s * rate:
+                raise ConnectionError("the recording has ended")
             time.sleep(0.5 * PIECE_S)
             return ()
-        each = self._data.itemsize * 2 * self._channels
+        assert self._data is not None
+        self._data.seek(self._at * each)
         # At most a piece at a time: a clock that jumped does not load it all.
-        count = min(due - self._at, int(4 * PIECE_S * rate))
-        data = self._data[self._at * each // self._data.itemsize :][
-            : count * each // self._data.itemsize
-        ].tobytes()
-        if len(data) < each:
-            raise ConnectionError("the recording has ended")
-        samples, clipped = decoded(data, self._kind, self._channels)
+        data = self._data.read(min(count, int(4 * PIECE_S * rate)) * each)
+        samples, clipped = decoded(data, self._about.kind, self._about.channels)
         t_s = self._begun_s + self._at / rate
         self._at += samples.shape[1]
-        return (self.iq(samples, clipped=clipped, t_s=t_s, centre_hz=self._centre_hz),)
+        return (self.iq(samples, clipped=clipped, t_s=t_s, centre_hz=self._about.centre_hz),)
+
+    def close(self) -> None:
+        if self._data is not None:
+            self._data.close()
 
 
-def read_sigmf(path: Path) -> tuple[Any, float, str, int, float | None, float | None]:
-    """Return data (mapped), rate, kind, channels, centre frequency and time of a .sigmf-meta file.
+class Recording(NamedTuple):
+    """Contents of a .sigmf-meta file; a centre frequency or time that it leaves out is None."""
+
+    rate_hz: float
+    kind: str
+    channels: int
+    centre_hz: float | None
+    recorded_s: float | None
+
+    @property
+    def sample_bytes(self) -> int:
+        """Bytes of the samples of one moment."""
+        return 2 * self.channels * part_bytes(self.kind)
+
+
+def part_bytes(kind: str) -> int:
+    """Return the bytes of a real or imaginary part."""
+    return 4 if kind == "cf32" else int(FULL_SCALE[kind][0].itemsize)
+
+
+def read_sigmf(path: Path) -> Recording:
+    """Return what a .sigmf-meta file says about its samples.
 
     Raises ValueError for what is not SigMF, or of a datatype that is not read here.
     """
@@ -135,19 +179,11 @@ def read_sigmf(path: Path) -> tuple[Any, float, str, int, float | None, float | 
     kind = kind.removesuffix("_le")
     if kind not in (*FULL_SCALE, "cf32"):
         raise ValueError(f"{path}: core:datatype={kind} must be cf32_le, ci16_le, ci8 or cu8")
-    dtype: Any = np.dtype("<f4") if kind == "cf32" else FULL_SCALE[kind][0]
-    data = np.memmap(path.with_suffix(".sigmf-data"), dtype=dtype, mode="r")
-    stamp = capture.get("core:datetime")
-    recorded_s = parse_utc(stamp.removesuffix("Z")) if stamp else None
-    centre = capture.get("core:frequency")
-    return (
-        data,
-        rate,
-        kind,
-        int(about.get("core:num_channels", 1)),
-        float(centre) if centre else None,
-        recorded_s,
-    )
+    stamp, centre = capture.get("core:datetime"), capture.get("core:frequency")
+    return Recording(
+        rate, kind, int(about.get("core:num_channels", 1)), float(centre) if centre else None,
+        parse_utc(stamp.removesuffix("Z")) if stamp else None,
+    )  # fmt: skip
 
 
 class Zmq(Source):
@@ -175,7 +211,7 @@ class Zmq(Source):
         except self._again:
             return ()
         iq, channels = self.params.iq, self.params.signal.channels
-        each = 2 * channels * (4 if iq.format == "cf32" else FULL_SCALE[iq.format][0].itemsize)
+        each = 2 * channels * part_bytes(iq.format)
         if len(data) % each or not data:
             self.refuse("message of odd length")
             return ()

@@ -19,6 +19,7 @@ NEPER = 0.1 * math.log(10.0)
 SCATTER_LEVELS = 100
 FEWEST = 8
 FIRST_SIGMA_DB = 1.0
+USUAL_STEP_DB = 0.1
 LEVELS_DB_HZ = 0.0, 140.0
 
 
@@ -34,8 +35,12 @@ class LevelMeter:
         self._scatter, self._count, self._step_db = 0.0, 0, math.inf
 
     def take(self, level: Level) -> list[CarrierPower]:
-        """Take a level; one that comes late is left out."""
+        """Take a level; one that comes late is left out, and so is what cannot be one."""
         found: list[CarrierPower] = []
+        try:
+            db = self.params.level.db(level.value)
+        except ValueError:
+            return []
         period_s = self.params.period_s
         if self._levels:
             if level.t_s <= self._levels[-1].t_s:
@@ -46,11 +51,8 @@ class LevelMeter:
             self.locked = level.locked
             self.unlocked += not level.locked
         self._levels.append(level)
-        self._note(self._db(level.value))
+        self._note(db)
         return found
-
-    def _db(self, value: float) -> float:
-        return self.params.level.offset_db + self.params.level.scale_db * value
 
     def _note(self, db: float) -> None:
         """Note how a level differs from the two before: a slow change has no second difference."""
@@ -70,7 +72,8 @@ class LevelMeter:
             return self.params.level.sigma_db
         if self._count < FEWEST:
             return FIRST_SIGMA_DB
-        step_db = self._step_db if math.isfinite(self._step_db) else 0.0
+        # A display that has not moved yet says nothing of its step.
+        step_db = self._step_db if math.isfinite(self._step_db) else USUAL_STEP_DB
         return math.hypot(math.sqrt(self._scatter), step_db / math.sqrt(12.0))
 
     def ratio_hz(self, db: float) -> float:
@@ -93,7 +96,7 @@ class LevelMeter:
 
     def _power(self) -> CarrierPower:
         levels, self._levels = self._levels, []
-        values = [self._db(each.value) for each in levels]
+        values = [self.params.level.db(each.value) for each in levels]
         ratios = [self.ratio_hz(db) for db in values]
         ratio_hz = sum(ratios) / len(ratios)
         slope = self._slope(max(ratio_hz, 0.0))

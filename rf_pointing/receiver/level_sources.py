@@ -69,7 +69,9 @@ class LineSource(ByteSource):
         groups = found.groupdict()
         try:
             value = float(groups["level"])
+            self.params.level.db(value)
         except (KeyError, TypeError, ValueError):
+            # Some modems print nan without a signal.
             self.refuse("line without a level")
             return ()
         # A receiver may print a lot between its levels.

@@ -36,7 +36,8 @@ LATE_S = 1.0
 LINE_S = 1.0
 RIVAL_DB = 3.0
 """At the half-power edge of the beam a line that is weaker by less is the strongest one."""
-GARBAGE_SHARE, JUDGED, FEWEST, RELATED = 0.5, 4096, 500, 0.2
+GARBAGE_SHARE, JUDGED, FEWEST, RELATED = 0.5, 4096, 250, 0.2
+"""A datagram of DIFI holds 360 samples."""
 FLAT_POWER, FLAT_KURTOSIS = 0.25, 2.2
 """Numbers flat over the scale have 1/3 and 1.8, those at its ends 1 and 1; noise has 3."""
 BURST_S = 5.0

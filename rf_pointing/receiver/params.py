@@ -13,6 +13,7 @@ LEVEL_KINDS = ("dbm", "c_n0_db_hz", "es_n0_db")
 LEVELS = ("scpi", "rigctl", "level")
 """Receivers that give levels, not samples."""
 COMMAND = "command"
+LARGEST_DB = 300.0
 UNKNOWN_FLOOR_DBM = -200.0
 OUTLET_FORMATS = ("rtl_tcp", "vita49", "zmq", "sigmf")
 MODULATIONS = ("cw", "bpsk", "qpsk", "fm")
@@ -144,6 +145,13 @@ class LevelParams(Params):
         1e4, "noise bandwidth of the measurement (dbm)", low=1.0, high=1e9
     )
 
+    def db(self, value: float) -> float:
+        """Return the level in dB that a number means; ValueError for what no receiver measures."""
+        found = self.offset_db + self.scale_db * value
+        if not abs(found) <= LARGEST_DB:
+            raise ValueError(f"a level of {found:g} dB must be within {LARGEST_DB:.0f} dB of 0")
+        return found
+
 
 @dataclass(frozen=True, kw_only=True)
 class SignalReceiverParams(Params):
@@ -164,6 +172,12 @@ class SignalReceiverParams(Params):
     iq: IqParams = parameter(IqParams(), "samples of a radio")
     signal: SignalSearchParams = parameter(SignalSearchParams(), "what is measured in samples")
     level: LevelParams = parameter(LevelParams(), "what a reported level means")
+
+    @property
+    def level_known(self) -> bool:
+        """Whether the C/N0 is one: a power without its noise is not."""
+        level = self.level
+        return self.type not in LEVELS or level.kind != "dbm" or level.floor_dbm > UNKNOWN_FLOOR_DBM
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -210,4 +224,4 @@ class OutletParams(Params):
     format: str = parameter("rtl_tcp", "how samples are served", choices=OUTLET_FORMATS)
     host: str = parameter("127.0.0.1", "address to serve on; of vita49, where to send to")
     port: int = parameter(1234, "port to serve on, or to send to", low=1, high=65535)
-    file: str = parameter("", "recording to write (sigmf): its .sigmf-meta file")
+    file: str = parameter("", "recording to write (sigmf), unless it exists: its .sigmf-meta file")

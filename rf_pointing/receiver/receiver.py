@@ -6,7 +6,7 @@ from collections.abc import Callable
 from rf_pointing.core import CarrierPower
 from rf_pointing.receiver.level_meter import LevelMeter
 from rf_pointing.receiver.meter import Measurement, SignalMeter
-from rf_pointing.receiver.params import CARRIER, SignalReceiverParams
+from rf_pointing.receiver.params import CARRIER, LEVELS, SignalReceiverParams
 from rf_pointing.receiver.registry import make_source
 from rf_pointing.receiver.source import Source
 from rf_pointing.receiver.spectrum import IqSamples
@@ -77,6 +77,8 @@ class SignalReceiver:
             return words
         if self.newest is None or t_s - self.newest.t_s > max(1.5, 3.0 * self.params.period_s):
             return "samples arrive, but no power could be measured yet"
+        if self.params.type in LEVELS and self.newest.carrier_to_noise_db_hz <= 0.0:
+            return "no signal: the level is that of noise alone"
         return ""
 
     def values(self) -> dict[str, object]:

@@ -174,7 +174,10 @@ class ZmqServer(Outlet):
 
 
 class SigMfWriter(Outlet):
-    """A recording of 16 bits; its meta file is written first, so that a killed run leaves both."""
+    """A recording of 16 bits; its meta file is written first, so that a killed run leaves both.
+
+    One that exists is left as it is: the receiver replays it.
+    """
 
     def __init__(self, params: OutletParams, rate_hz: float, centre_hz: float) -> None:
         super().__init__(params, rate_hz, centre_hz)
@@ -182,9 +185,13 @@ class SigMfWriter(Outlet):
         if path.suffix != ".sigmf-meta":
             raise ValueError(f"outlet.file={params.file!r} must end in .sigmf-meta")
         self._path, self._begun = path, False
-        self._data = path.with_suffix(".sigmf-data").open("wb")
+        data = path.with_suffix(".sigmf-data")
+        # Without a buffer: the receiver may read along.
+        self._data = None if path.exists() else data.open("wb", buffering=0)
 
     def send(self, samples: Samples, t_s: float) -> None:
+        if self._data is None:
+            return
         if not self._begun:
             self._begun = True
             capture = {"core:sample_start": 0, "core:frequency": self.centre_hz,
@@ -198,7 +205,8 @@ class SigMfWriter(Outlet):
         self._data.write(np.clip(np.rint(parts), -32768, 32767).astype("<i2").tobytes())
 
     def close(self) -> None:
-        self._data.close()
+        if self._data is not None:
+            self._data.close()
 
 
 def make_outlet(params: OutletParams, rate_hz: float, centre_hz: float) -> Outlet:

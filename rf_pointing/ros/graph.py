@@ -155,7 +155,7 @@ RECEIVER_GRAPH = (
 """Nodes in place of rf_receiver where the receiver of a station is not simulated."""
 DESIGNATE_GRAPH = (GraphNode("target_designate", _TARGET),)
 """Node of a station that is led by reports of a target, with the ephemeris or in place of it."""
-SERVED = ("rtl_tcp", "vita49", "zmq")
+SERVED = ("rtl_tcp", "vita49", "zmq", "sigmf")
 """Receivers whose samples signal_source can make for a simulated antenna."""
 
 

@@ -42,7 +42,9 @@ def test_the_newest_frequency_is_sent_as_soon_as_the_one_before_is_answered(monk
     # With nothing to tune it is asked once a second, so that a rig that hangs is noticed.
     assert subject.at(0.5, "RPRT 0\n") == b"+f\n"
     assert subject.rig.answer_s == pytest.approx(0.2)
+    assert subject.rig.due_s(0.6) == pytest.approx(0.1), "as long as the one before took"
     assert subject.at(0.6, "get_freq:\nFrequency: 1\nRPRT 0\n") == b""
+    assert subject.rig.due_s(0.6) == math.inf
     assert subject.rig.problem == ""
 
 

@@ -27,6 +27,7 @@ class Planted:
     clock_ppm: float = 0.0
     predicted: bool = True
     signal: SignalSearchParams = field(default_factory=SignalSearchParams)
+    period_s: float = 0.1
     radio: dict[str, Any] = field(default_factory=dict)
     volts: Any = None
     """Relative complex amplitudes (channels,), by default of one channel."""
@@ -34,7 +35,7 @@ class Planted:
     def __post_init__(self) -> None:
         centre_hz = self.carrier_hz - 0.1 * self.rate_hz
         self.params = SignalReceiverParams(
-            type="rtl_tcp", frequency_hz=self.carrier_hz, signal=self.signal,
+            type="rtl_tcp", frequency_hz=self.carrier_hz, signal=self.signal, period_s=self.period_s,
             iq=IqParams(rate_hz=self.rate_hz, centre_mhz=1e-6 * centre_hz),
         )  # fmt: skip
         self.meter = SignalMeter(self.params)

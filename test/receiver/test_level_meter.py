@@ -96,6 +96,32 @@ def test_a_display_in_whole_decibels_is_known_to_its_step(random: np.random.Gene
     assert subject.sigma_db > 1.0 / math.sqrt(12.0)
 
 
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 1e5, 9.91e37])
+def test_what_cannot_be_a_level_is_left_out(value: float) -> None:
+    subject = meter(LevelParams(kind="c_n0_db_hz"))
+    found = [subject.take(Level(0.1 * row, value if row % 2 else 60.0)) for row in range(40)]
+    powers = [power for each in found for power in each]
+    assert len(powers) > 15
+    assert [power.carrier_to_noise_db_hz for power in powers] == pytest.approx([60.0] * len(powers))
+
+
+@pytest.mark.parametrize("value", [0.0, 60.0])
+def test_a_level_that_never_moves_is_a_sample_of_a_scan(value: float) -> None:
+    """Of a modem that prints 0.0 without a signal, or of a coarse display: its sigma is not zero."""
+    subject, found = meter(LevelParams(kind="c_n0_db_hz")), []
+    tracker = ConscanTracker(ConscanParams(period_s=3.2, sample_s=0.1, ramp_s=0.0))
+    for row in range(200):
+        found += subject.take(Level(0.1 * row + 0.01, value))
+    assert all(power.sigma_w > 0.0 for power in found)
+    assert found[-1].carrier_to_noise_db_hz == pytest.approx(value, abs=1e-9)
+    errors = [
+        tracker.add(power, 1e-4 * math.cos(0.2 * row), 1e-4 * math.sin(0.2 * row)) for row, power in enumerate(found)
+    ]
+    assert any(errors[-50:]) == (value > 0.0)
+    if value == 0.0:
+        assert tracker.state.last_rejection.startswith("no lock: C/N0 0.0 dB-Hz")
+
+
 def test_levels_that_come_late_or_twice_are_left_out() -> None:
     subject = meter(LevelParams(kind="c_n0_db_hz"))
     assert not subject.take(Level(1.0, 60.0))

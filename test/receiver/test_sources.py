@@ -274,7 +274,10 @@ def test_a_recording_is_written_read_and_replayed(tmp_path: Path) -> None:
     outlet.close()
     about = json.loads(path.read_text())
     assert about["global"]["core:datatype"] == "ci16_le"
-    assert read_sigmf(path)[1:] == (RATE_HZ, "ci16", 1, CENTRE_HZ, 1e9)
+    assert read_sigmf(path) == (RATE_HZ, "ci16", 1, CENTRE_HZ, 1e9)
+    written = path.with_suffix(".sigmf-data").read_bytes()
+    make_outlet(OutletParams(format="sigmf", file=str(path)), RATE_HZ, CENTRE_HZ).close()
+    assert path.with_suffix(".sigmf-data").read_bytes() == written, "one that exists is kept"
     params = SignalReceiverParams(
         type="sigmf", frequency_hz=CARRIER_HZ, link=SourceLinkParams(file=str(path)), iq=IqParams(rate_hz=RATE_HZ)
     )
@@ -288,6 +291,53 @@ def test_a_recording_is_written_read_and_replayed(tmp_path: Path) -> None:
     wait_for(replayed, "samples")
     receiver.end()
     assert np.mean([each.power.carrier_to_noise_db_hz for each in found[10:]]) == pytest.approx(LEVEL_DB_HZ, abs=0.3)
+
+
+@pytest.mark.parametrize("within_s", [-3.0, 1.0])
+def test_a_recording_is_followed_while_it_is_written_and_replayed_at_its_own_time(
+    tmp_path: Path, within_s: float
+) -> None:
+    path, begun_s, now_s = tmp_path / "pass.sigmf-meta", 1e9, 1e9
+    outlet = make_outlet(OutletParams(format="sigmf", file=str(path)), RATE_HZ, CENTRE_HZ)
+    count = round(PIECE_S * RATE_HZ)
+    every = (np.arange(150 * count) % 3000 / 4000.0).astype(np.complex64)
+    iq, link = IqParams(rate_hz=RATE_HZ), SourceLinkParams(file=str(path), first_retry_s=0.05, longest_retry_s=0.1)
+    params = SignalReceiverParams(type="sigmf", frequency_hz=CARRIER_HZ, link=link, iq=iq)
+
+    def take(source: Any, until_s: float) -> list[Any]:
+        """Return the pieces before `until_s`, each with the samples of its time."""
+        found: list[Any] = []
+        wait_for(lambda: found.extend(source.step()) or (found and ends_s(found[-1]) > until_s - 0.05), "samples")
+        for each in found:
+            first = round((each.t_s - begun_s) * RATE_HZ)
+            wanted = every[first : first + each.samples.shape[1]]
+            assert each.samples[0] == pytest.approx(wanted, abs=1e-4)
+        return found
+
+    def ends_s(piece: Any) -> float:
+        return float(piece.t_s) + piece.samples.shape[1] / RATE_HZ
+
+    follower = make_source(params, lambda: now_s)
+    for piece in range(150):
+        outlet.send(every[None, piece * count : (piece + 1) * count], begun_s + PIECE_S * piece)
+        now_s = begun_s + PIECE_S * (piece + 1)
+        if piece == 24:
+            follower.step()
+            wait_for(lambda: follower.index, "a recording that is open")
+        elif piece % 25 == 24:
+            take(follower, now_s)
+    now_s += 1.5
+    wait_for(lambda: "the recording has ended" in follower.problem, "its end")
+    follower.end()
+    outlet.close()
+    now_s = begun_s + within_s
+    again = make_source(params, lambda: now_s)
+    again.step()
+    wait_for(lambda: again.index, "a recording that is open")
+    now_s = begun_s + max(within_s, 0.0) + 0.3
+    # Where it begins later, it is waited for.
+    assert take(again, now_s)[0].t_s == pytest.approx(begun_s + max(within_s, 0.0), abs=0.3)
+    again.end()
 
 
 @pytest.mark.parametrize(

@@ -171,7 +171,7 @@ def signal_source(of: Band) -> Derived:
     arriving = rf_receiver(of)
     sets = {**arriving.defaults, "sdr": RadioParams(), "outlet": OutletParams()}
     rows = {**arriving.rows, "sdr": radio(of), "outlet": outlet(of)}
-    return Derived(sets, rows, (*arriving.own, "sdr.generator.", "outlet.file"))
+    return Derived(sets, rows, (*arriving.own, "sdr.generator."))
 
 
 def monopulse_tracker(of: Band) -> Derived:

@@ -5,9 +5,9 @@ import math
 import numpy as np
 
 from rf_pointing.core.derived import Rows, Value, rounded, tuned
-from rf_pointing.core.parameters import flat, leaves
-from rf_pointing.receiver.params import LEVELS, UNKNOWN_FLOOR_DBM, SignalReceiverParams
+from rf_pointing.core.parameters import flat, leaves, with_leaves
 from rf_pointing.receiver.params import OUTLET_FORMATS as FORMATS
+from rf_pointing.receiver.params import SignalReceiverParams
 from rf_pointing.rf.budget import gain_of_beam_dbi, zenith_level_db_hz
 from rf_pointing.rf.noise import (
     Stage,
@@ -50,7 +50,7 @@ def receiver(of: Band) -> dict[str, Value]:
 def level_known(of: Band) -> bool:
     """Whether the C/N0 of the receiver is one: a power without its noise is not."""
     taken = {name: each.value for name, each in receiver(of).items()}
-    return taken["type"] not in LEVELS or taken["level.kind"] != "dbm" or taken["level.floor_dbm"] > UNKNOWN_FLOOR_DBM
+    return with_leaves(SignalReceiverParams(), taken).level_known
 
 
 def radio(of: Band) -> dict[str, Value]:
@@ -75,6 +75,7 @@ def outlet(of: Band) -> dict[str, Value]:
         "format": Value(kind, "receiver.type"),
         "host": Value(host, "receiver.link.host"),
         "port": Value(taken["link.port"], "receiver.link.port"),
+        "file": Value(taken["link.file"], "receiver.link.file"),
     }
 
 

@@ -20,10 +20,11 @@ from rf_pointing.station.radio.inhibit import Antenna, TransmitLine, TransmitRul
 
 RESTING = "radio_control is not active"
 PERIOD_S = 0.02
-"""A low orbit moves 1 GHz by up to 400 Hz/s: 8 Hz from update to update."""
 STEP_SHARE = 1e-8
 """Largest step of a tuning, relative: 10 Hz at 1 GHz.  A rig that is slower is named."""
 LONGEST_ANSWER_S = 0.25
+SHORTEST_WAIT_S, LONGEST_WAIT_S = 0.001, 0.01
+"""Between two tunings; a low orbit moves 1 GHz by up to 400 Hz/s: 4 Hz from one to the next."""
 ANY = "any"
 UNKEY_AGAIN_S = 0.1
 TRIES = 3
@@ -155,6 +156,11 @@ class RadioControl:
         for rig in self._rigs:
             rig.step(wall_s)
 
+    def wait_s(self, wall_s: float) -> float:
+        """Return the time until `follow` is due: a slow rig gets its next tuning at its answer."""
+        slow = [rig.due_s(wall_s) for rig in self._rigs if rig.answer_s > LONGEST_WAIT_S]
+        return min(max(min(slow, default=math.inf), SHORTEST_WAIT_S), LONGEST_WAIT_S)
+
     def rest(self, wall_s: float) -> None:
         """Unkey, and take the line down, until the next step."""
         self._active = False
@@ -187,14 +193,14 @@ class RadioControl:
         """Return the shifts in the middle of the time for which a tuning holds."""
         answer_s = min(rig.answer_s, LONGEST_ANSWER_S) if rig else 0.0
         # It begins somewhere until the answer, and ends with the next one.
-        return self._motion.at(t_s + 0.5 * (answer_s + max(PERIOD_S, answer_s)))
+        return self._motion.at(t_s + 0.5 * (answer_s + max(LONGEST_WAIT_S, answer_s)))
 
     def _slow(self, rig: Rig) -> str:
         """Say how large the steps are where they are too large, else ""."""
         now, later = self._motion.at(self._t_s), self._motion.at(self._t_s + 1.0)
         if now is None or later is None:
             return ""
-        step = abs(later.down - now.down) * max(PERIOD_S, rig.answer_s)
+        step = abs(later.down - now.down) * max(LONGEST_WAIT_S, rig.answer_s)
         if step <= STEP_SHARE:
             return ""
         took = f"the rig takes {1e3 * rig.answer_s:.0f} ms for each"

@@ -75,6 +75,10 @@ def test_gates_know_whether_a_level_is_a_c_n0(tmp_path: Path, section: str, know
             {"link": {"file": "/tmp/a.sigmf-meta"}, "iq": {"rate_hz": 48000}},
         ),
         ("level://x?level.kind=es_n0_db", {"level": {"kind": "es_n0_db"}}),
+        (
+            "zmq://x:5?iq.rate_hz=1.0e6&signal.preamble=01101000",
+            {"iq": {"rate_hz": 1e6}, "signal": {"preamble": "01101000"}},
+        ),
     ],
 )
 def test_an_address_means_a_section(address: str, expected: dict[str, Any]) -> None:
@@ -107,7 +111,8 @@ def test_a_run_with_a_receiver_has_its_nodes_and_real_time() -> None:
 def test_the_nodes_of_every_receiver() -> None:
     rest = tuple(name for name in NODES if name != "rf_receiver")
     assert with_receiver(NODES, "simulated") == NODES
-    assert with_receiver(NODES, "rtl_tcp") == (*rest, "signal_source", "signal_receiver")
+    for served in ("rtl_tcp", "vita49", "zmq", "sigmf"):
+        assert with_receiver(NODES, served) == (*rest, "signal_source", "signal_receiver")
     assert with_receiver(NODES, "scpi") == (*rest, "signal_receiver")
     assert with_receiver(NODES, "topic") == rest
     assert with_receiver(DRIVE_NODES, "rtl_tcp") == (*DRIVE_NODES, "signal_receiver")

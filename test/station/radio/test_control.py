@@ -169,7 +169,7 @@ def test_a_rig_that_is_too_slow_for_the_doppler_is_named_and_tuned_to_the_middle
     receiver = station.rigs[0]
     receiver.answer_s, station.slope_m_s2 = answer_s, 120.0
     station.run(2.5)
-    held_s = station.t_s + 0.5 * (answer_s + max(0.02, answer_s)) - T_S
+    held_s = station.t_s + 0.5 * (answer_s + max(0.01, answer_s)) - T_S
     q = (RATE_M_S + 120.0 * held_s) / SPEED_OF_LIGHT_M_S
     assert receiver.tuned_hz[RECEIVE] == pytest.approx(435.640e6 * (1.0 - q), abs=0.6)
     assert station.radio.reports(None)["receiver"].message == f"follows RS-44{words}"

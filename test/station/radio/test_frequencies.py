@@ -17,7 +17,7 @@ from rf_pointing.ephemeris import (
     verification_elements,
 )
 from rf_pointing.station.description.content import RigSection, TransponderSection
-from rf_pointing.station.radio.control import PERIOD_S
+from rf_pointing.station.radio.control import LONGEST_WAIT_S
 from rf_pointing.station.radio.frequencies import Channel, Dial, Motion
 from skyfield.api import EarthSatellite, load, wgs84
 from test.station.radio.targets import target
@@ -106,7 +106,7 @@ def test_updates_at_1_ghz_are_at_most_10_hz_apart_in_every_pass() -> None:
         tuned = [
             dial.of(1e9 * shifts.down)
             for step in range(80)
-            if (shifts := known.at(steepest_s + PERIOD_S * step))
+            if (shifts := known.at(steepest_s + LONGEST_WAIT_S * step))
         ]
         largest = max(largest, float(np.abs(np.diff(tuned)).max()))
     print(f"at 1 GHz at most {largest:.1f} Hz from update to update")
