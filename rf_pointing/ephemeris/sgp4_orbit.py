@@ -127,7 +127,8 @@ class Sgp4Orbit:
         age_s = abs(elapsed_s) if isinstance(elapsed_s, float) else np.max(np.abs(elapsed_s), initial=0.0)
         if not age_s <= self.max_age_s:
             epoch = f"the epoch {utc_text(self.elements.epoch_t_s)} of {self.name}"
-            bound = f"must be <= max_age_s={self.max_age_s} ({self.max_age_s / DAY_S:.2f} days); fetch_elements brings newer ones"
+            most = f"{self.max_age_s} ({self.max_age_s / DAY_S:.2f} days)"
+            bound = f"must be <= max_age_s={most}; fetch_elements brings newer ones"
             raise ValueError(f"t_s={np.max(t_s)} is {age_s / DAY_S:.2f} days from {epoch}, {bound}")
 
 
