@@ -168,6 +168,8 @@ class OfflineFit:
         self._free = set[str]()
         # By how much the references of raw passes are those of another place.
         self._away_m = np.zeros(3)
+        # Passes are late, where a place far off was another explanation.
+        self._at_place = False
         self._first = int(np.max(data.points.pass_id)) + 1 if data.points is not None else 0
 
     @cached_property
@@ -248,6 +250,7 @@ class OfflineFit:
         site_gain = math.inf if "site" in self._free else gains["site"]
         result, site = self._at_its_site(result, every, site_gain) if site_gain > MAYBE_WRONG else (result, None)
         # A site that is far off makes late passes, and passes late by two times make a clock.
+        site = None if self._at_place and disagreement else site
         far = site is not None and site.size > systematic_errors.FAR_SITE_M
         clock = None if far or disagreement else clock
         disagreement = None if far else disagreement
@@ -315,7 +318,8 @@ class OfflineFit:
     def _first_fit(self, points: Observations, known: PriorKnowledge) -> FitResult:
         """Return the first fit, with the site free where the antenna is far from it.
 
-        Late passes that are found next to a wrong site are made by it: it comes first.
+        Passes that are late look like a place kilometres off, and the other way round: where the
+        passes scatter less about the times of their groups than as seen from there, it is they.
         """
         if not self._measures_orbit(points):
             return self._fit_of_all(points, None)
@@ -328,13 +332,32 @@ class OfflineFit:
         if free is None or not systematic_errors.far_site(free):
             self._free.discard("site")
             return self._fit_of_all(points, free)
+        given, here_s = points, self._scatter_s(points)
         for _ in range(MOST_ROUNDS):
             step_m, known = self._move_site(free), _known_after(free, known)
             if step_m < SETTLED_M:
                 break
             points, *_ = self._collected(known, ())
             free = self._fit_of_all(points, free)
+        if here_s < self._scatter_s(points):
+            self._free.discard("site")
+            self._away_m, self._at_place = np.zeros(3), True
+            self.__dict__.pop("_raw", None)
+            return self._fit_of_all(given, None)
         return free
+
+    def _scatter_s(self, points: Observations) -> float:
+        """Return by how much passes of one group are late by different times, at this site."""
+        free, self._free = self._free, self._free - {"site"}
+        try:
+            clocks = self._fit_of(
+                points, self._request.terms, systematic_errors.timed(MEASURABLE_FROM), edit_sigma=0.0
+            )
+            return systematic_errors.scatter_of_lateness(clocks, self._sets)
+        except ValueError:
+            return math.inf
+        finally:
+            self._free = free
 
     def _move_site(self, result: FitResult) -> float:
         """See the passes from where a fit with a free site has the antenna; return how far off.
