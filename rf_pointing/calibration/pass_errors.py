@@ -158,13 +158,14 @@ class Sharing:
         planned = _of_elements(sight, data.t_s, shared.latitude_rad)
         turns = np.tile(np.eye(len(own)), (len(numbers), 1, 1))
         acting = [own.index(name) for name in seen]
+        # On the sky: along the line of sight nothing is seen.
+        cosine = np.cos(data.true_elevation_rad)
         here, there = (
-            np.stack([each[name] / sight.range_m[:, np.newaxis] for name in seen], axis=2)
+            np.stack([sight.shift(each[name]) * [cosine, np.ones(len(data))] for name in seen], axis=2)
             for each in (seen, seen | planned)
         )
         for k in range(len(numbers)):
-            rows = place == k
-            both = [part[rows].reshape(-1, len(acting)) for part in (here, there)]
+            both = [part[:, place == k].reshape(-1, len(acting)) for part in (here, there)]
             turns[k][np.ix_(acting, acting)] = np.linalg.lstsq(*both, rcond=None)[0]
         return cls(np.unique(names, return_inverse=True)[1].astype(np.int64), turns)
 

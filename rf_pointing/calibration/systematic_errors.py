@@ -61,6 +61,8 @@ _NAMED_SIGMA = 3.0
 _LIKELY = 12.0
 # Chi-square by which a clock must be better before anything is said of it.
 _HINT = 4.0
+# A clock that is farther off shows by itself.
+_OPEN_S = 3.0
 # What two acceleration lags may leave of chi-square for one clock; imaginary part of a real root.
 _ONE_CLOCK, _REAL = 12.0, 1e-4
 # Lags of mounts, and the steps by which the times of a clock are tried.
@@ -160,6 +162,34 @@ def _bending(points: Observations, refraction: RadioRefraction) -> Array:
     return np.stack([np.zeros_like(bending), bending])[..., np.newaxis]
 
 
+def open_clock(fit: FitResult, known: Mapping[str, float]) -> tuple[float, float] | None:
+    """Return between which times (s) the tags of all passes may be late with these angles.
+
+    With them the mount has no acceleration lags within two sigma.  None for mounts that have some,
+    or without lags.
+    """
+    lags = _lags_beyond(fit, known)
+    if lags is None or len(lags[0]) < 4:
+        return None
+    times = np.linspace(-_OPEN_S, _OPEN_S, _TIMES)
+    left = _accelerations(lags[0], times)
+    misfit = np.einsum("ti,ij,tj->t", left, np.linalg.inv(lags[1][2:, 2:]), left)
+    least = float(np.min(misfit))
+    near = times[misfit < least + _HINT]
+    return (float(near[0]), float(near[-1])) if least <= _ONE_CLOCK else None
+
+
+def _lags_beyond(fit: FitResult, known: Mapping[str, float]) -> tuple[Array, Array] | None:
+    """Return x6, x13 and, where fitted, x7, x14 beyond those known, and their covariance."""
+    by_number = {term.number: term.name for term in fit.model.terms if term.number}
+    names = [by_number[number] for number in (6, 13, 7, 14)]
+    if any(name not in fit.names for name in names[:2]):
+        return None
+    places = [fit.names.index(name) for name in names if name in fit.names]
+    moved = fit.values[places] - [known.get(name, 0.0) for name in names[: len(places)]]
+    return moved, fit.covariance[np.ix_(places, places)]
+
+
 def common_clock(
     fit: FitResult, known: Mapping[str, float], taken_s: float = 0.0
 ) -> SystematicError | None:
@@ -172,15 +202,12 @@ def common_clock(
     Either both axes lag by the same time, or one tau takes the acceleration lags of both away.
     What was found is exact when `taken_s` of it is taken off the time tags of the fit already.
     """
-    by_number = {term.number: term.name for term in fit.model.terms if term.number}
-    names = [by_number[number] for number in (6, 13, 7, 14)]
-    if any(name not in fit.names for name in names[:2]):
+    lags = _lags_beyond(fit, known)
+    if lags is None:
         return None
-    places = [fit.names.index(name) for name in names if name in fit.names]
-    moved = fit.values[places] - [known.get(name, 0.0) for name in names[: len(places)]]
-    covariance = fit.covariance[np.ix_(places, places)]
+    moved, covariance = lags
     return _equal_lags(moved[:2], covariance[:2, :2], taken_s) or (
-        _without_acceleration(moved, covariance, taken_s) if len(places) == len(names) else None
+        _without_acceleration(moved, covariance, taken_s) if len(moved) == 4 else None
     )
 
 

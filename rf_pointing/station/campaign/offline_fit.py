@@ -147,7 +147,8 @@ class Fitted:
 
     `full` is the fit of all terms offered, None where only the chosen ones were fitted.  The data
     do not show the terms `kept`, which the chosen ones depend on.  Passes that are late by less
-    than `least_late_s` need not be named; 0 where their clocks were not judged.
+    than `least_late_s` need not be named; 0 where their clocks were not judged.  All of them may be
+    late by times between those of `open_clock_s`; None where the clock is known.
     """
 
     result: FitResult
@@ -158,6 +159,7 @@ class Fitted:
     warnings: list[str]
     kept: tuple[str, ...] = ()
     least_late_s: float = 0.0
+    open_clock_s: tuple[float, float] | None = None
 
 
 class OfflineFit:
@@ -260,7 +262,9 @@ class OfflineFit:
         if request.select:
             result, kept = self._fit_of_chosen(every, full.pass_priors, full.shared, full)
         notes += [one.text for one in late.values()]
-        return Fitted(result, full, every, stages, notes, warnings, kept, least_s)
+        unknown = request.time_error_s is None and not self._data.recorded
+        clocks = systematic_errors.open_clock(full, request.coefficients) if unknown else None
+        return Fitted(result, full, every, stages, notes, warnings, kept, least_s, clocks)
 
     def _collected(
         self, known: PriorKnowledge, out: Collection[int], late_s: float = 0.0
@@ -557,7 +561,7 @@ def remarks(request: FitRequest, done: Fitted) -> list[str]:
     least = f"a pass late by less than {done.least_late_s:.2f} s may not show among the errors of the orbits"
     return [
         *_choice_remarks(request, done), *_orbit_remarks(request, done.result),
-        *([least] if done.least_late_s > 0.0 else []), *_prediction_remarks(request, done),
+        *([least] if done.least_late_s > 0.0 else []), *_clock_remarks(done), *_prediction_remarks(request, done),
     ]  # fmt: skip
 
 
@@ -569,6 +573,17 @@ def _choice_remarks(request: FitRequest, done: Fitted) -> list[str]:
     rest = [name for name in request.terms if name not in done.result.names]
     needed = f"; not seen, but fitted since others depend on them: {', '.join(done.kept)}" if done.kept else ""
     return [f"chosen by BIC: {', '.join(seen)}{needed}; not supported by the data, zero: {', '.join(rest) or 'none'}"]
+
+
+def _clock_remarks(done: Fitted) -> list[str]:
+    """Return which clocks the lags hold for."""
+    if done.open_clock_s is None:
+        return []
+    low, high = done.open_clock_s
+    return [
+        f"the lags are those of a right clock: with time tags {low:+.2f} to {high:+.2f} s late in all passes the angles are as "
+        "likely, and both velocity lags as much longer"
+    ]
 
 
 def _orbit_remarks(request: FitRequest, result: FitResult) -> list[str]:
