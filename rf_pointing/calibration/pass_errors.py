@@ -151,7 +151,9 @@ class Sharing:
         sight, own = _sight_of(data), shared.priors.names
         elapsed_s = data.t_s - middles_of_passes(data)
         seen = {
-            name: sum(m[:, np.newaxis] * axis for m, axis in zip(metres, sight.track_axes, strict=True))
+            name: sum(
+                m[:, np.newaxis] * axis for m, axis in zip(metres, sight.track_axes, strict=True)
+            )
             for name, metres in _displacements(elapsed_s, sight.orbit_rate_rad_s).items()
             if name in own
         }
@@ -161,7 +163,9 @@ class Sharing:
         # On the sky: along the line of sight nothing is seen.
         cosine = np.cos(data.true_elevation_rad)
         here, there = (
-            np.stack([sight.shift(each[name]) * [cosine, np.ones(len(data))] for name in seen], axis=2)
+            np.stack(
+                [sight.shift(each[name]) * [cosine, np.ones(len(data))] for name in seen], axis=2
+            )
             for each in (seen, seen | planned)
         )
         for k in range(len(numbers)):
@@ -188,7 +192,9 @@ def _of_elements(sight: "_Sight", t_s: Array, latitude_rad: float) -> dict[str, 
     radial, normal = position / radius_m[:, np.newaxis], np.cross(position, velocity)
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     ahead, node = np.cross(normal, radial), np.cross(pole, normal)
-    phase = np.arctan2(np.sum(radial * np.cross(normal, node), axis=1), np.sum(radial * node, axis=1))
+    phase = np.arctan2(
+        np.sum(radial * np.cross(normal, node), axis=1), np.sum(radial * node, axis=1)
+    )
     rate, cosine = sight.orbit_rate_rad_s, normal @ pole
     turned = 1.5 * _OBLATENESS * (_EQUATOR_M / radius_m) ** 2 * rate * (t_s - np.mean(t_s))
     perigee = phase - turned * (2.5 * cosine**2 - 0.5)
@@ -208,9 +214,7 @@ def _of_elements(sight: "_Sight", t_s: Array, latitude_rad: float) -> dict[str, 
             0.0,
         ),
         "radial_m": along(-2.0 * np.sin(perigee), 0.0, np.cos(perigee)),
-        "radial_drift_m_s": along(
-            2.0 * np.cos(perigee) / rate, 0.0, np.sin(perigee) / rate
-        ),
+        "radial_drift_m_s": along(2.0 * np.cos(perigee) / rate, 0.0, np.sin(perigee) / rate),
     }
 
 

@@ -272,7 +272,9 @@ def _without_acceleration(
     lags = "s^2 and ".join(
         f"{value:+.3f} +/- {size:.3f} "
         for value, size in zip(
-            _accelerations(moved, np.array([-taken_s]))[0], np.sqrt(np.diag(covariance))[2:], strict=True
+            _accelerations(moved, np.array([-taken_s]))[0],
+            np.sqrt(np.diag(covariance))[2:],
+            strict=True,
         )
     )
     if not explained:
@@ -280,7 +282,9 @@ def _without_acceleration(
                 "are late in all passes the angles do not tell, and the lags hold for this clock only")  # fmt: skip
         return SystematicError("clock", tau, sigma, "s", text, refuse=False)
     likely = np.argsort(-each)[: int(np.sum(each > each[best] / _ODDS))]
-    late = " or ".join(f"{_late(times[k] + taken_s)} (+/- {sigmas[k]:.3f} s)" for k in likely.tolist())
+    late = " or ".join(
+        f"{_late(times[k] + taken_s)} (+/- {sigmas[k]:.3f} s)" for k in likely.tolist()
+    )
     text = (f"the time tags of all passes are {late}: with them the axes have acceleration lags of {lags}s^2, without this "
             "error none")  # fmt: skip
     if odds < _ODDS:

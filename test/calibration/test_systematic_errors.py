@@ -197,7 +197,9 @@ def test_a_clock_is_named_with_its_sigma_or_left_open(random):
         if found is not None:
             sizes = re.findall(r"([\d.]+) s (late|early)(?: \(\+/- ([\d.]+) s\))?", found.text)
             signs = {"late": 1.0, "early": -1.0}
-            held.append(min(abs(signs[word] * float(size) - 0.5) / float(by or found.sigma) for size, word, by in sizes))
+            held.append(
+                min(abs(signs[word] * float(size) - 0.5) / float(by or found.sigma) for size, word, by in sizes)
+            )
     assert silent <= 12
     assert np.mean(np.array(held) < 3.0) > 0.93
     assert np.mean(left_open) > 0.9

@@ -354,9 +354,7 @@ class OfflineFit:
         """Return by how much passes of one group are late by different times, at this site."""
         free, self._free = self._free, self._free - {"site"}
         try:
-            clocks = self._fit_of(
-                points, self._request.terms, systematic_errors.timed(MEASURABLE_FROM), edit_sigma=0.0
-            )
+            clocks = self._fit_of(points, self._request.terms, systematic_errors.timed(MEASURABLE_FROM), edit_sigma=0.0)
             return systematic_errors.scatter_of_lateness(clocks, self._sets)
         except ValueError:
             return math.inf
