@@ -169,8 +169,11 @@ class Sharing:
             for each in (seen, seen | planned)
         )
         for k in range(len(numbers)):
-            both = [part[:, place == k].reshape(-1, len(acting)) for part in (here, there)]
-            turns[k][np.ix_(acting, acting)] = np.linalg.lstsq(*both, rcond=None)[0]
+            own_rows, rows = (
+                part[:, place == k].reshape(-1, len(acting)) for part in (here, there)
+            )
+            solved: Any = np.linalg.lstsq(own_rows, rows, rcond=None)[0]
+            turns[k][np.ix_(acting, acting)] = solved
         return cls(np.unique(names, return_inverse=True)[1].astype(np.int64), turns)
 
 

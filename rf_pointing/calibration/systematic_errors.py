@@ -238,7 +238,7 @@ def _without_acceleration(
 
     def misfit(tau: Array) -> Array:
         left = _accelerations(moved, tau)
-        return np.einsum("ti,ij,tj->t", left, weight, left)
+        return np.asarray(np.einsum("ti,ij,tj->t", left, weight, left))
 
     # Chi-square is a quartic of tau, which is least at a real root of its derivative.
     ones, rates = weight @ np.ones(2), weight @ moved[:2]
@@ -441,9 +441,9 @@ def late_passes(
 def scatter_of_lateness(fit: FitResult, sets: Mapping[int, str]) -> float:
     """Return by how much (s) the passes of `fit` scatter about the times of their groups."""
     late, _, labels = _lateness_of(fit, sets)
-    sizes = np.bincount(labels)
-    left = late - (np.bincount(labels, late) / np.maximum(sizes, 1))[labels]
-    return float(np.sqrt(np.sum(left**2) / max(len(late) - np.count_nonzero(sizes), 1)))
+    groups = [late[labels == k] for k in np.unique(labels)]
+    square = sum(float(np.sum((one - np.mean(one)) ** 2)) for one in groups)
+    return math.sqrt(square / max(len(late) - len(groups), 1))
 
 
 def _lateness_of(fit: FitResult, sets: Mapping[int, str] | None) -> tuple[Array, Array, Places]:

@@ -263,8 +263,8 @@ class OfflineFit:
             result, kept = self._fit_of_chosen(every, full.pass_priors, full.shared, full)
         notes += [one.text for one in late.values()]
         unknown = request.time_error_s is None and not self._data.recorded
-        clocks = systematic_errors.open_clock(full, request.coefficients) if unknown else None
-        return Fitted(result, full, every, stages, notes, warnings, kept, least_s, clocks)
+        open_s = systematic_errors.open_clock(full, request.coefficients) if unknown else None
+        return Fitted(result, full, every, stages, notes, warnings, kept, least_s, open_s)
 
     def _collected(
         self, known: PriorKnowledge, out: Collection[int], late_s: float = 0.0
