@@ -151,9 +151,7 @@ class Sharing:
         sight, own = _sight_of(data), shared.priors.names
         elapsed_s = data.t_s - middles_of_passes(data)
         seen = {
-            name: sum(
-                m[:, np.newaxis] * axis for m, axis in zip(metres, sight.track_axes, strict=True)
-            )
+            name: sum(m[:, np.newaxis] * a for m, a in zip(metres, sight.track_axes, strict=True))
             for name, metres in _displacements(elapsed_s, sight.orbit_rate_rad_s).items()
             if name in own
         }
@@ -161,11 +159,9 @@ class Sharing:
         turns = np.tile(np.eye(len(own)), (len(numbers), 1, 1))
         acting = [own.index(name) for name in seen]
         # On the sky: along the line of sight nothing is seen.
-        cosine = np.cos(data.true_elevation_rad)
+        size = np.stack([np.cos(data.true_elevation_rad), np.ones(len(data))])
         here, there = (
-            np.stack(
-                [sight.shift(each[name]) * [cosine, np.ones(len(data))] for name in seen], axis=2
-            )
+            np.stack([sight.shift(each[name]) * size for name in seen], axis=2)
             for each in (seen, seen | planned)
         )
         for k in range(len(numbers)):
@@ -203,21 +199,18 @@ def _of_elements(sight: "_Sight", t_s: Array, latitude_rad: float) -> dict[str, 
     perigee = phase - turned * (2.5 * cosine**2 - 0.5)
     sine = np.sqrt(1.0 - cosine**2)
 
-    def along(ahead_m: Any, normal_m: Any, radial_m: Any) -> Array:
-        parts = np.broadcast_arrays(ahead_m, normal_m, radial_m, rate)[:3]
+    def moved(*shares: Any) -> Array:
+        parts = np.broadcast_arrays(*shares, rate)
         axes = (ahead, normal, radial)
-        return np.asarray(sum(m[:, np.newaxis] * axis for m, axis in zip(parts, axes, strict=True)))
+        return np.asarray(sum(m[:, np.newaxis] * a for m, a in zip(parts, axes, strict=False)))
 
+    tilt = (np.sin(phase) - turned * sine**2 * np.cos(phase)) / rate
     return {
-        "along_track_m": along(1.0, 0.0, 0.0),
-        "cross_track_m": along(0.0, np.cos(phase), 0.0),
-        "cross_track_drift_m_s": along(
-            -4.0 * turned * cosine * sine / rate,
-            (np.sin(phase) - turned * sine**2 * np.cos(phase)) / rate,
-            0.0,
-        ),
-        "radial_m": along(-2.0 * np.sin(perigee), 0.0, np.cos(perigee)),
-        "radial_drift_m_s": along(2.0 * np.cos(perigee) / rate, 0.0, np.sin(perigee) / rate),
+        "along_track_m": moved(1.0, 0.0, 0.0),
+        "cross_track_m": moved(0.0, np.cos(phase), 0.0),
+        "cross_track_drift_m_s": moved(-4.0 * turned * cosine * sine / rate, tilt, 0.0),
+        "radial_m": moved(-2.0 * np.sin(perigee), 0.0, np.cos(perigee)),
+        "radial_drift_m_s": moved(2.0 * np.cos(perigee) / rate, 0.0, np.sin(perigee) / rate),
     }
 
 

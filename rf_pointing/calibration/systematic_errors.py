@@ -59,7 +59,7 @@ _MOST_GROUPS, _GROUP_COST, _ALONE = 5, 2.0, 2
 _NAMED_SIGMA = 3.0
 # Chi-square by which an explanation is better than by chance in a hundred fits.
 _LIKELY = 12.0
-# Chi-square by which a clock must be better before anything is said of it.
+# Chi-square by which a clock must be better before it is reported.
 _HINT = 4.0
 # A clock that is farther off shows by itself.
 _OPEN_S = 3.0

@@ -354,7 +354,8 @@ class OfflineFit:
         """Return by how much passes of one group are late by different times, at this site."""
         free, self._free = self._free, self._free - {"site"}
         try:
-            clocks = self._fit_of(points, self._request.terms, systematic_errors.timed(MEASURABLE_FROM), edit_sigma=0.0)
+            timed = systematic_errors.timed(MEASURABLE_FROM)
+            clocks = self._fit_of(points, self._request.terms, timed, edit_sigma=0.0)
             return systematic_errors.scatter_of_lateness(clocks, self._sets)
         except ValueError:
             return math.inf
@@ -559,7 +560,8 @@ def remarks(request: FitRequest, done: Fitted) -> list[str]:
     least = f"a pass late by less than {done.least_late_s:.2f} s may not show among the errors of the orbits"
     return [
         *_choice_remarks(request, done), *_orbit_remarks(request, done.result),
-        *([least] if done.least_late_s > 0.0 else []), *_clock_remarks(done), *_prediction_remarks(request, done),
+        *([least] if done.least_late_s > 0.0 else []), *_clock_remarks(done),
+        *_prediction_remarks(request, done),
     ]  # fmt: skip
 
 
@@ -579,8 +581,8 @@ def _clock_remarks(done: Fitted) -> list[str]:
         return []
     low, high = done.open_clock_s
     return [
-        f"the lags are those of a right clock: with time tags {low:+.2f} to {high:+.2f} s late in all passes the angles are as "
-        "likely, and both velocity lags as much longer"
+        f"the lags are those of a right clock: with time tags {low:+.2f} to {high:+.2f} s late in all "
+        "passes the angles are as likely, and both velocity lags as much longer"
     ]
 
 
