@@ -285,11 +285,15 @@ def _without_acceleration(
     late = " or ".join(
         f"{_late(times[k] + taken_s)} (+/- {sigmas[k]:.3f} s)" for k in likely.tolist()
     )
-    text = (f"the time tags of all passes are {late}: with them the axes have acceleration lags of {lags}s^2, without this "
-            "error none")  # fmt: skip
+    text = (
+        f"the time tags of all passes are {late}: with them the axes have acceleration lags of "
+        f"{lags}s^2, without this error none"
+    )
     if odds < _ODDS:
-        text = (f"the time tags of all passes are {late}, or the axes have acceleration lags of {lags}s^2, which angles do "
-                "not tell apart")  # fmt: skip
+        text = (
+            f"the time tags of all passes are {late}, or the axes have acceleration lags of "
+            f"{lags}s^2, which angles do not tell apart"
+        )
     return SystematicError(
         "clock", tau, sigma, "s", text, refuse=bool(gain > _SURE_SIGMA**2 or odds > 1.0)
     )
