@@ -8,7 +8,9 @@ the fit (refused, doubted, left out, silent), the largest error of a term in sig
 import argparse
 import warnings
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from itertools import product
+from multiprocessing import Pool
 
 import calibration_trials as trials
 import numpy as np
@@ -87,33 +89,60 @@ def outcome(
     return f"{'said   ' if said else 'SILENT '} x{k + 1} {worst[k]:.1f} sigma: {' | '.join(said)}"
 
 
+@dataclass(frozen=True)
+class Job:
+    """One campaign with one fault, by its name."""
+
+    number: int
+    orbit_m: float
+    shared: bool
+    name: str
+    seed: int
+    passes: int
+    select: bool
+    clock_s: float = 0.0
+    lags: str = ""
+
+
+def line(job: Job) -> str:
+    """Return what the fit of one job says."""
+    warnings.simplefilter("ignore")
+    mount = trials.planted(random_stream(job.seed, f"mount {job.number}"))
+    if job.lags:
+        az, el = LAGS[job.lags]
+        mount = mount.replace(azimuth_velocity_lag=az, elevation_velocity_lag=el,
+                              azimuth_acceleration_lag=0.0, elevation_acceleration_lag=0.0)  # fmt: skip
+        spoil: Spoil | Site = late(job.clock_s)
+    else:
+        spoil = cases(site(trials.SITES[job.number % 4]))[job.name]
+    case = trials.Case(job.orbit_m, 1.0, False, job.shared)
+    found = outcome(job.number, spoil, mount, case, job.seed, job.passes, job.select)
+    return f"{trials.SITES[job.number % 4]:18s} {job.orbit_m:5.0f} m  {job.name:26s} {found}"
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--seeds", type=int, nargs="+", default=[1])
     parser.add_argument("--campaigns", type=int, nargs="+", default=[0, 1, 2])
     parser.add_argument("--orbits", type=float, nargs="+", default=[0.0, 150.0])
     parser.add_argument("--passes", type=int, default=16)
     parser.add_argument("--shared", action="store_true", help="one orbit error for all passes of a satellite")
     parser.add_argument("--clock", type=float, nargs="*", default=[0.5], help="lateness of all passes")
     parser.add_argument("--select", action="store_true", help="choose among the terms")
-    parser.add_argument("--only", default="", help="cases whose name contains this")
+    parser.add_argument("--only", nargs="+", default=[""], help="cases whose name contains one of these")
+    parser.add_argument("--workers", type=int, default=1, help="processes that share the cases")
     options = parser.parse_args()
-    warnings.simplefilter("ignore")
-    for number in options.campaigns:
-        for orbit in options.orbits:
-            case = trials.Case(orbit, 1.0, False, options.shared)
-            mount = trials.planted(random_stream(options.seed, f"mount {number}"))
-            wanted = {name: (spoil, mount) for name, spoil in cases(site(trials.SITES[number % 4])).items()}
-            for seconds in options.clock:
-                for lags, (az, el) in LAGS.items():
-                    still = mount.replace(azimuth_velocity_lag=az, elevation_velocity_lag=el,
-                                          azimuth_acceleration_lag=0.0, elevation_acceleration_lag=0.0)  # fmt: skip
-                    wanted[f"clock {seconds} s, lags {lags}"] = (late(seconds), still)
-            for name, (spoil, planted) in wanted.items():
-                if options.only in name:
-                    given = options.seed, options.passes, options.select
-                    said = outcome(number, spoil, planted, case, *given)
-                    print(f"{trials.SITES[number % 4]:18s} {orbit:5.0f} m  {name:26s} {said}", flush=True)
+    wanted = [(name, 0.0, "") for name in cases(site(trials.SITES[0]))]
+    wanted += [(f"clock {seconds} s, lags {lags}", seconds, lags) for seconds in options.clock for lags in LAGS]
+    jobs = [
+        Job(number, orbit, options.shared, name, seed, options.passes, options.select, seconds, lags)
+        for seed, number, orbit in product(options.seeds, options.campaigns, options.orbits)
+        for name, seconds, lags in wanted
+        if any(word in name for word in options.only)
+    ]
+    with Pool(options.workers) as pool:
+        for text in pool.imap(line, jobs):
+            print(text, flush=True)
 
 
 if __name__ == "__main__":

@@ -20,8 +20,11 @@ import os
 import pickle
 import time
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from itertools import product
+from multiprocessing import Pool
 from pathlib import Path
 
 for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
@@ -281,46 +284,76 @@ class Outcome:
     refused: list[str]
 
 
+@dataclass(frozen=True)
+class Job:
+    """One trial: what is planted, in which campaign, and how it is fitted."""
+
+    case: Case
+    seed: int
+    number: int
+    satellites: int
+    select: bool
+    kind: str = AZIMUTH_ELEVATION
+
+
+@cache
+def geometry(number: int, rate_hz: float, satellites: int) -> list[Seen]:
+    """Return the passes of a campaign, simulated once by each process."""
+    return campaign(number, rate_hz, satellites=satellites)
+
+
+def run_trial(job: Job) -> tuple[object, ...] | str:
+    """Simulate and fit; return the row of `Outcome`, or why the fit is refused."""
+    random, own = random_stream(job.seed, f"trials {job.case.name}"), dict[str, Array]()
+    place = site(SITES[job.number % len(SITES)])
+    axes = mount_at(job.kind, place)
+    mount = planted(random, axes)
+    passes = [
+        TrackedPass(measured(one, mount, job.case, random, own), one.reference.on(axes))
+        for one in geometry(job.number, job.case.rate_hz, job.satellites)
+    ]
+    # The clock of the trials is right: some of the planted mounts lag alike in both axes.
+    request = FitRequest(
+        station=STATION.name, band=BAND, site=place, mount=axes, terms=names_of(job.kind), time_error_s=0.0,
+        select=job.select,
+    )  # fmt: skip
+    start = time.process_time()
+    try:
+        done = OfflineFit(request, FitData(None, passes)).run()
+    except ValueError as error:
+        return str(error)
+    kept, truth = zip(*((name in done.kept, mount.coefficients[name]) for name in names_of(job.kind)), strict=True)
+    every = done.full or done.result
+    return pulls(every, mount), pulls(done.result, mount), kept, truth, time.process_time() - start, nees(every, mount)
+
+
 def run_trials(
     case: Case,
     trials: int,
-    campaigns: int,
+    campaigns: Sequence[int],
     seed: int,
-    satellites: int,
+    satellites: Sequence[int],
     select: bool,
     keep: Path | None,
     kind: str = AZIMUTH_ELEVATION,
+    workers: int = 1,
 ) -> Outcome:
-    """Simulate and fit; the campaigns take turns.  What `keep` has of a case is not run again."""
+    """Simulate and fit; constellations and campaigns take turns.  What `keep` has of a case is not run again."""
     key = f"{case.name}, {satellites} satellites, {campaigns} campaigns, seed {seed}, {select}, {kind}".replace(
         " ", "_"
     )
     store = keep / f"{key}.pickle" if keep else None
     rows: list[tuple[object, ...] | str] = pickle.loads(store.read_bytes()) if store and store.exists() else []
-    geometry = [campaign(number, case.rate_hz, satellites=satellites) for number in range(campaigns)]
-    # The clock of the trials is right: some of the planted mounts lag alike in both axes.
-    request = FitRequest(station=STATION.name, band=BAND, site=STATION.site, time_error_s=0.0, select=select)
-    for trial in range(len(rows), trials):
-        random = random_stream(seed + trial, f"trials {case.name}")
-        number, own = trial % campaigns, dict[str, Array]()
-        place = site(SITES[number % len(SITES)])
-        axes = mount_at(kind, place)
-        mount = planted(random, axes)
-        passes = [
-            TrackedPass(measured(one, mount, case, random, own), one.reference.on(axes)) for one in geometry[number]
-        ]
-        request = replace(request, site=place, mount=axes, terms=names_of(kind))
-        start = time.process_time()
-        try:
-            done = OfflineFit(request, FitData(None, passes)).run()
-        except ValueError as error:
-            rows.append(str(error))
-        else:
-            kept, truth = zip(*((name in done.kept, mount.coefficients[name]) for name in names_of(kind)), strict=True)
-            every = pulls(done.full or done.result, mount), pulls(done.result, mount)
-            rows.append((*every, kept, truth, time.process_time() - start, nees(done.full or done.result, mount)))
-        if store:
-            store.write_bytes(pickle.dumps(rows))
+    jobs = [
+        Job(case, seed + trial, campaigns[trial // len(satellites) % len(campaigns)],
+            satellites[trial % len(satellites)], select, kind)
+        for trial in range(len(rows), trials)
+    ]  # fmt: skip
+    with Pool(workers) as pool:
+        for row in pool.imap(run_trial, jobs):
+            rows.append(row)
+            if store:
+                store.write_bytes(pickle.dumps(rows))
     fitted = zip(*(row for row in rows if not isinstance(row, str)), strict=True)
     return Outcome(*map(np.array, fitted), [row for row in rows if isinstance(row, str)])
 
@@ -416,12 +449,12 @@ def describe(name: str, pull: Array, verbose: bool) -> str:
 
 def point_trials(options: argparse.Namespace) -> None:
     """Print the same of fits of points with white noise: the terms and their partials alone."""
-    geometry, rows = [campaign(number, 1.0) for number in range(options.campaigns)], []
+    rows = []
     for trial in range(options.trials):
         random = random_stream(options.seed + trial, "points")
         axes = mount_at(options.mount, site(SITES[trial % options.campaigns % len(SITES)]))
         mount = planted(random, axes)
-        points = points_of(geometry[trial % options.campaigns], mount, axes, random)
+        points = points_of(geometry(trial % options.campaigns, 1.0, 4), mount, axes, random)
         fit = fit_bias_model(points, options=FitOptions(form="rotation", edit_sigma=0.0))
         rows.append((pulls(fit, mount), nees(fit, mount)))
     pull, size = (np.array(each) for each in zip(*rows, strict=True))
@@ -433,12 +466,16 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--trials", type=int, default=300)
     parser.add_argument("--campaigns", type=int, default=6, help="geometries that take turns")
+    parser.add_argument("--first-campaign", type=int, default=0, help="the first of them")
+    parser.add_argument("--workers", type=int, default=1, help="processes that share the trials")
     parser.add_argument("--seed", type=int, default=100_000)
     parser.add_argument("--rates", type=float, nargs="+", default=[1.0, 5.0])
     parser.add_argument("--noise", nargs="+", choices=("white", "correlated"), default=["white", "correlated"])
     parser.add_argument("--orbits", type=float, nargs="+", default=[0.0, 150.0, 1000.0])
     parser.add_argument("--mount", choices=tuple(MOUNTS), default=AZIMUTH_ELEVATION)
-    parser.add_argument("--satellites", type=int, default=4, help="among which the passes are (default: 4)")
+    parser.add_argument(
+        "--satellites", type=int, nargs="+", default=[4], help="among which the passes are; more than one take turns"
+    )
     parser.add_argument("--points", action="store_true", help="fits of points with white noise, without raw data")
     parser.add_argument("--shared", action="store_true", help="one orbit error for all passes of a satellite")
     parser.add_argument("--all-terms", action="store_true", help="without the choice of terms")
@@ -448,19 +485,22 @@ def main() -> None:
     if options.points:
         point_trials(options)
         return
+    numbers = range(options.first_campaign, options.first_campaign + options.campaigns)
     for rate, noise, orbit in product(options.rates, options.noise, options.orbits):
         case = Case(orbit, rate, noise == "correlated", options.shared)
         found = run_trials(
             case,
             options.trials,
-            options.campaigns,
+            numbers,
             options.seed,
             options.satellites,
             not options.all_terms,
             options.keep,
             options.mount,
+            options.workers,
         )
-        print(f"{PASSES / options.satellites:.0f} passes of each of {options.satellites} satellites:")
+        each = ", ".join(f"{PASSES / count:.0f}" for count in options.satellites)
+        print(f"{each} passes of each of {', '.join(map(str, options.satellites))} satellites:")
         print(describe(case.name, found.full, options.verbose))
         print(f"    NEES {np.mean(found.nees):.3f} +/- {np.std(found.nees) / np.sqrt(len(found.nees)):.3f}", flush=True)
         if options.all_terms:

@@ -53,8 +53,11 @@ def main() -> None:
     """Search with both and print the ratio."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--objects", type=int, default=300)
+    parser.add_argument("--seed", type=int, default=36)
     options = parser.parse_args()
-    objects = [as_read(one, number) for number, one in enumerate(synthetic_catalogue(options.objects, seed=36))]
+    objects = [
+        as_read(one, number) for number, one in enumerate(synthetic_catalogue(options.objects, seed=options.seed))
+    ]
     ours_s = theirs_s = 0.0
     passes, differing = 0, list[str]()
     for place in (Site.from_degrees(latitude, 12.0, 100.0) for latitude in LATITUDES_DEG):

@@ -32,10 +32,7 @@ _EARTH_RATE_RAD_S = 7.2921e-5
 _GRAVITY_M3_S2 = 3.986004418e14
 # Angular rate of a revolution in 105 min.
 LOW_ORBIT_RATE_RAD_S = 1e-3
-_OF_ELEMENTS = (
-    "along_track_m", "cross_track_m", "radial_m", "cross_track_drift_m_s", "radial_drift_m_s",
-)  # fmt: skip
-_OBLATENESS, _EQUATOR_M = 1.0826e-3, 6.378e6
+_OBLATENESS, _EQUATOR_M, _FLATTENING = 1.0826e-3, 6.378e6, 1.0 / 298.257
 _TURN_PER_STEP_RAD = 0.05
 
 
@@ -145,56 +142,76 @@ class Sharing:
 
     @classmethod
     def of(cls, data: Observations, shared: SharedErrors) -> "Sharing":
-        """Return those of the passes of `data`, ascending; a pass without a set is its own."""
-        numbers, first = np.unique(data.pass_id, return_index=True)
+        """Return those of the passes of `data`, ascending; a pass without a set is its own.
+
+        An error of the elements becomes those of a pass that move its target most nearly alike.
+        """
+        numbers, place = np.unique(data.pass_id, return_inverse=True)
         names = [shared.sets.get(number, f"pass {number}") for number in numbers.tolist()]
-        sight = _sight_of(data)
-        pole = np.array([0.0, np.cos(shared.latitude_rad), np.sin(shared.latitude_rad)])
-        # The inertial velocity counts: that of the ground turns the plane by some degrees.
-        position = sight.geocentric_m
-        velocity = sight.velocity_m_s + np.cross(_EARTH_RATE_RAD_S * pole, position)
-        normal = np.cross(position, velocity)
-        normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-        node = np.cross(pole, normal)
-        phase = np.arctan2(
-            np.einsum("ij,ij->i", position, np.cross(normal, node)),
-            np.einsum("ij,ij->i", position, node),
-        )
-        middle_s = middles_of_passes(data)[first]
-        rate = sight.orbit_rate_rad_s[first]
-        phase = phase[first] + rate * (middle_s - data.t_s[first])
-        # The oblate Earth turns the perigee, and a plane that is tilted wrongly ever farther off:
-        # in three days 300 m of it become 100 m along the track.
-        cosine = normal[first] @ pole
-        sine = np.sqrt(1.0 - cosine**2)
-        radius_m = np.linalg.norm(position[first], axis=1)
-        turned = 1.5 * _OBLATENESS * (_EQUATOR_M / radius_m) ** 2 * rate
-        turned *= middle_s - np.mean(middle_s)
-        phases = {"cross_track_m": phase, "radial_m": phase - turned * (2.5 * cosine**2 - 0.5)}
-        own = shared.priors.names
+        sight, own = _sight_of(data), shared.priors.names
+        elapsed_s = data.t_s - middles_of_passes(data)
+        seen = {
+            name: sum(m[:, np.newaxis] * a for m, a in zip(metres, sight.track_axes, strict=True))
+            for name, metres in _displacements(elapsed_s, sight.orbit_rate_rad_s).items()
+            if name in own
+        }
+        planned = _of_elements(sight, data.t_s, shared.latitude_rad)
         turns = np.tile(np.eye(len(own)), (len(numbers), 1, 1))
-        for name, angle in phases.items():
-            drift = f"{name.removesuffix('_m')}_drift_m_s"
-            if name in own and drift in own:
-                place, other = own.index(name), own.index(drift)
-                turns[:, place, place] = turns[:, other, other] = np.cos(angle)
-                turns[:, place, other] = np.sin(angle) / rate
-                turns[:, other, place] = -np.sin(angle) * rate
-        if set(own) == set(_OF_ELEMENTS):
-            along, across, up, tilt, climb = map(own.index, _OF_ELEMENTS)
-            turns[:, :, tilt] -= (turned * sine**2 / rate)[:, np.newaxis] * turns[:, :, across]
-            turns[:, along, tilt] -= 4.0 * turned * cosine * sine / rate
-            # Errors along the orbit have a part across the track that the ground sees, by 4 deg.
-            seen, east = np.tile(np.eye(len(own)), (len(numbers), 1, 1)), _EARTH_RATE_RAD_S * sine
-            east /= 1.0 - _EARTH_RATE_RAD_S * cosine / rate
-            seen[:, along, across] = east * np.cos(phase) / rate
-            seen[:, across, along] = -seen[:, along, across]
-            seen[:, across, climb] = 2.0 * seen[:, across, along] / rate
-            seen[:, tilt, along] = east * np.sin(phase)
-            seen[:, tilt, climb] = 2.0 * seen[:, tilt, along] / rate
-            seen[:, tilt, up] = -2.0 * rate * seen[:, across, along]
-            turns = seen @ turns
+        acting = [own.index(name) for name in seen]
+        # On the sky: along the line of sight nothing is seen.
+        size = np.stack([np.cos(data.true_elevation_rad), np.ones(len(data))])
+        here, there = (
+            np.stack([sight.shift(each[name]) * size for name in seen], axis=2)
+            for each in (seen, seen | planned)
+        )
+        for k in range(len(numbers)):
+            own_rows, rows = (
+                part[:, place == k].reshape(-1, len(acting)) for part in (here, there)
+            )
+            solved: Any = np.linalg.lstsq(own_rows, rows, rcond=None)[0]
+            turns[k][np.ix_(acting, acting)] = solved
         return cls(np.unique(names, return_inverse=True)[1].astype(np.int64), turns)
+
+
+def _of_elements(sight: "_Sight", t_s: Array, latitude_rad: float) -> dict[str, Array]:
+    """Return the displacements (n, 3) of a target by a unit of each error of its elements.
+
+    The oblate Earth turns the perigee, and a plane that is tilted wrongly ever farther off: in
+    three days 300 m of it become 100 m along the track.  Errors are those at the middle time.
+    """
+    pole = np.array([0.0, np.cos(latitude_rad), np.sin(latitude_rad)])
+    # The centre is not below the site: 0.2 deg of the axes turn 1 km along into 3 m of height.
+    flat = 1.0 - _FLATTENING * (2.0 - _FLATTENING)
+    normal_m = _EQUATOR_M / np.sqrt(np.cos(latitude_rad) ** 2 + flat * np.sin(latitude_rad) ** 2)
+    site = normal_m * (np.array([0.0, 0.0, 1.0]) - (1.0 - flat) * np.sin(latitude_rad) * pole)
+    position = sight.range_m[:, np.newaxis] * sight.axes[0] + site
+    # The inertial velocity counts: that of the ground turns the plane by some degrees.
+    velocity = sight.velocity_m_s + np.cross(_EARTH_RATE_RAD_S * pole, position)
+    radius_m = np.linalg.norm(position, axis=1)
+    radial, normal = position / radius_m[:, np.newaxis], np.cross(position, velocity)
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    ahead, node = np.cross(normal, radial), np.cross(pole, normal)
+    phase = np.arctan2(
+        np.sum(radial * np.cross(normal, node), axis=1), np.sum(radial * node, axis=1)
+    )
+    rate, cosine = sight.orbit_rate_rad_s, normal @ pole
+    turned = 1.5 * _OBLATENESS * (_EQUATOR_M / radius_m) ** 2 * rate * (t_s - np.mean(t_s))
+    perigee = phase - turned * (2.5 * cosine**2 - 0.5)
+    sine = np.sqrt(1.0 - cosine**2)
+
+    def moved(*shares: Any) -> Array:
+        parts = np.broadcast_arrays(*shares, rate)
+        axes = (ahead, normal, radial)
+        return np.asarray(sum(m[:, np.newaxis] * a for m, a in zip(parts, axes, strict=False)))
+
+    tilt = (np.sin(phase) - turned * sine**2 * np.cos(phase)) / rate
+    return {
+        "along_track_m": moved(1.0, 0.0, 0.0),
+        "cross_track_m": moved(0.0, np.cos(phase), 0.0),
+        "cross_track_drift_m_s": moved(-4.0 * turned * cosine * sine / rate, tilt, 0.0),
+        "radial_m": moved(-2.0 * np.sin(perigee), 0.0, np.cos(perigee)),
+        "radial_drift_m_s": moved(2.0 * np.cos(perigee) / rate, 0.0, np.sin(perigee) / rate),
+    }
 
 
 def pass_partials(

@@ -59,6 +59,10 @@ _MOST_GROUPS, _GROUP_COST, _ALONE = 5, 2.0, 2
 _NAMED_SIGMA = 3.0
 # Chi-square by which an explanation is better than by chance in a hundred fits.
 _LIKELY = 12.0
+# Chi-square by which a clock must be better before it is reported.
+_HINT = 4.0
+# A clock that is farther off shows by itself.
+_OPEN_S = 3.0
 # What two acceleration lags may leave of chi-square for one clock; imaginary part of a real root.
 _ONE_CLOCK, _REAL = 12.0, 1e-4
 # Lags of mounts, and the steps by which the times of a clock are tried.
@@ -158,6 +162,34 @@ def _bending(points: Observations, refraction: RadioRefraction) -> Array:
     return np.stack([np.zeros_like(bending), bending])[..., np.newaxis]
 
 
+def open_clock(fit: FitResult, known: Mapping[str, float]) -> tuple[float, float] | None:
+    """Return between which times (s) the tags of all passes may be late with these angles.
+
+    With them the mount has no acceleration lags within two sigma.  None for mounts that have some,
+    or without lags.
+    """
+    lags = _lags_beyond(fit, known)
+    if lags is None or len(lags[0]) < 4:
+        return None
+    times = np.linspace(-_OPEN_S, _OPEN_S, _TIMES)
+    left = _accelerations(lags[0], times)
+    misfit = np.einsum("ti,ij,tj->t", left, np.linalg.inv(lags[1][2:, 2:]), left)
+    least = float(np.min(misfit))
+    near = times[misfit < least + _HINT]
+    return (float(near[0]), float(near[-1])) if least <= _ONE_CLOCK else None
+
+
+def _lags_beyond(fit: FitResult, known: Mapping[str, float]) -> tuple[Array, Array] | None:
+    """Return x6, x13 and, where fitted, x7, x14 beyond those known, and their covariance."""
+    by_number = {term.number: term.name for term in fit.model.terms if term.number}
+    names = [by_number[number] for number in (6, 13, 7, 14)]
+    if any(name not in fit.names for name in names[:2]):
+        return None
+    places = [fit.names.index(name) for name in names if name in fit.names]
+    moved = fit.values[places] - [known.get(name, 0.0) for name in names[: len(places)]]
+    return moved, fit.covariance[np.ix_(places, places)]
+
+
 def common_clock(
     fit: FitResult, known: Mapping[str, float], taken_s: float = 0.0
 ) -> SystematicError | None:
@@ -170,15 +202,12 @@ def common_clock(
     Either both axes lag by the same time, or one tau takes the acceleration lags of both away.
     What was found is exact when `taken_s` of it is taken off the time tags of the fit already.
     """
-    by_number = {term.number: term.name for term in fit.model.terms if term.number}
-    names = [by_number[number] for number in (6, 13, 7, 14)]
-    if any(name not in fit.names for name in names[:2]):
+    lags = _lags_beyond(fit, known)
+    if lags is None:
         return None
-    places = [fit.names.index(name) for name in names if name in fit.names]
-    moved = fit.values[places] - [known.get(name, 0.0) for name in names[: len(places)]]
-    covariance = fit.covariance[np.ix_(places, places)]
+    moved, covariance = lags
     return _equal_lags(moved[:2], covariance[:2, :2], taken_s) or (
-        _without_acceleration(moved, covariance, taken_s) if len(places) == len(names) else None
+        _without_acceleration(moved, covariance, taken_s) if len(moved) == 4 else None
     )
 
 
@@ -201,12 +230,15 @@ def _equal_lags(moved: Array, covariance: Array, taken_s: float) -> SystematicEr
 def _without_acceleration(
     moved: Array, covariance: Array, taken_s: float
 ) -> SystematicError | None:
-    """Return the clock error without which neither axis has an acceleration lag."""
+    """Return the clock error without which neither axis has an acceleration lag.
+
+    Two times may do so: where data do not decide between them both are named.
+    """
     weight = np.linalg.inv(covariance[2:, 2:])
 
-    def misfit(tau: Array) -> tuple[Array, Array]:
+    def misfit(tau: Array) -> Array:
         left = _accelerations(moved, tau)
-        return left, np.einsum("ti,ij,tj->t", left, weight, left)
+        return np.asarray(np.einsum("ti,ij,tj->t", left, weight, left))
 
     # Chi-square is a quartic of tau, which is least at a real root of its derivative.
     ones, rates = weight @ np.ones(2), weight @ moved[:2]
@@ -218,43 +250,60 @@ def _without_acceleration(
             float(rates @ moved[2:]),
         ]
     )
-    real = roots.real[np.abs(roots.imag) < _REAL * (1.0 + np.abs(roots))]
-    tau = real[np.argmin(misfit(real)[1])]
-    slope = moved[:2] + tau
+    real = np.sort(roots.real[np.abs(roots.imag) < _REAL * (1.0 + np.abs(roots))])
+    times, between = real[::2], [-math.inf, *real[1::2].tolist(), math.inf]
+    slopes = moved[:2] + times[:, np.newaxis]
     # Without lags no clock makes an acceleration lag, and its error is any.
-    sigma = 1.0 / math.sqrt(max(float(slope @ weight @ slope), 1e-12))
-    left, (there, here) = misfit(np.array([-taken_s, tau]))
-    odds = _clock_odds(moved, covariance, lambda one: misfit(one)[1], tau, sigma, taken_s)
-    tau += taken_s
+    sigmas = np.maximum(np.einsum("ti,ij,tj->t", slopes, weight, slopes), 1e-12) ** -0.5
+    each = np.array(
+        [
+            _clock_odds(moved, covariance, misfit, one, (between[k], between[k + 1]), taken_s)
+            for k, one in enumerate(zip(times.tolist(), sigmas.tolist(), strict=True))
+        ]
+    )
+    odds, best = float(np.sum(each)), int(np.argmax(each))
+    tau, sigma = float(times[best] + taken_s), float(sigmas[best])
+    gain, here = misfit(np.array([-taken_s]))[0] - np.min(misfit(times)), np.min(misfit(times))
     # Mounts that have acceleration lags of their own tell nothing of a clock.
-    if here <= _ONE_CLOCK and (abs(tau) < _LEAST_CLOCK_S or there - here < _LIKELY):
+    explained = here <= _ONE_CLOCK and odds > 1.0 / _ODDS
+    least = _HINT if explained else _LIKELY
+    if here <= _ONE_CLOCK and (abs(tau) < _LEAST_CLOCK_S or gain < least):
         return None
-    lags = "s^2 and ".join(f"{value:+.3f} +/- {size:.3f} " for value, size in
-                           zip(left[0], np.sqrt(np.diag(covariance))[2:], strict=True))  # fmt: skip
-    if here > _ONE_CLOCK or odds < 1.0 / _ODDS:
+    lags = "s^2 and ".join(
+        f"{value:+.3f} +/- {size:.3f} "
+        for value, size in zip(
+            _accelerations(moved, np.array([-taken_s]))[0],
+            np.sqrt(np.diag(covariance))[2:],
+            strict=True,
+        )
+    )
+    if not explained:
         text = (f"the axes have acceleration lags of {lags}s^2, which a clock error does not explain: whether the time tags "
                 "are late in all passes the angles do not tell, and the lags hold for this clock only")  # fmt: skip
-        return SystematicError("clock", float(tau), sigma, "s", text, refuse=False)
-    text = (f"the time tags of all passes are {_late(tau)} (+/- {sigma:.3f} s): with them the axes have acceleration lags of "
-            f"{lags}s^2, without this error none")  # fmt: skip
+        return SystematicError("clock", tau, sigma, "s", text, refuse=False)
+    likely = np.argsort(-each)[: int(np.sum(each > each[best] / _ODDS))]
+    late = " or ".join(
+        f"{_late(times[k] + taken_s)} (+/- {sigmas[k]:.3f} s)" for k in likely.tolist()
+    )
+    text = (
+        f"the time tags of all passes are {late}: with them the axes have acceleration lags of "
+        f"{lags}s^2, without this error none"
+    )
     if odds < _ODDS:
-        text = (f"the time tags of all passes are {_late(tau)} (+/- {sigma:.3f} s), or the axes have acceleration lags of "
-                f"{lags}s^2, which angles do not tell apart")  # fmt: skip
+        text = (
+            f"the time tags of all passes are {late}, or the axes have acceleration lags of "
+            f"{lags}s^2, which angles do not tell apart"
+        )
     return SystematicError(
-        "clock",
-        float(tau),
-        sigma,
-        "s",
-        text,
-        refuse=bool(there - here > _SURE_SIGMA**2 or odds > 1.0),
+        "clock", tau, sigma, "s", text, refuse=bool(gain > _SURE_SIGMA**2 or odds > 1.0)
     )
 
 
 def _clock_odds(
     moved: Array, covariance: Array, misfit: Callable[[Array], Array],
-    tau: float, sigma: float, taken_s: float,
+    about: tuple[float, float], between: tuple[float, float], taken_s: float,
 ) -> float:  # fmt: skip
-    """Return how much likelier than lags alone a clock about `tau` is, for mounts as they are.
+    """Return how much likelier than lags alone a clock `about` a time (and sigma) is, by mounts.
 
     Each lag of a mount is nothing or of its usual size, as likely; next to a clock it has none of
     acceleration.  A clock that an equal lag of one axis happens to cancel is unlikely.
@@ -268,8 +317,9 @@ def _clock_odds(
     still = np.array([-taken_s])
     none = likely(moved[:2] - taken_s, own[:2], _LAG_S).prod()
     none *= likely(_accelerations(moved, still)[0], own[2:], _LAG_S2).prod()
-    step = 12.0 * sigma / _TIMES
-    each = tau + step * np.arange(-_TIMES / 2, _TIMES / 2)
+    step = 12.0 * min(about[1], _LAG_S) / _TIMES
+    each = about[0] + step * np.arange(-_TIMES / 2, _TIMES / 2)
+    each = each[(each > between[0]) & (each < between[1])]
     # A lag of nothing is narrower than the steps: what is summed keeps its area.
     rates = likely(each[:, np.newaxis] + moved[:2], np.hypot(own[:2], step), _LAG_S).prod(axis=1)
     area = 2.0 * np.pi * math.sqrt(np.linalg.det(covariance[2:, 2:]))
@@ -358,11 +408,8 @@ def late_passes(
     """
     if fit.pass_priors is None or len(fit.pass_errors) <= _FEWEST_OTHERS:
         return {}, None, 0.0
-    clocks, covariance = free_errors(fit, _searched_from(fit.pass_priors), "clock_s")
-    numbers, late = [one.pass_id for one in fit.pass_errors], -clocks
-    names = [(sets or {}).get(number, f"pass {number}") for number in numbers]
-    sets_of = np.unique(names, return_inverse=True)[1].astype(np.int64)
-    labels = _groups_of(late, covariance, sets_of)
+    numbers = [one.pass_id for one in fit.pass_errors]
+    late, covariance, labels = _lateness_of(fit, sets)
     counts = np.bincount(labels)
     most = labels == np.argmax(counts)
     usual = max(float(np.std(late[most])), _LEAST_LATE_S)
@@ -393,6 +440,23 @@ def late_passes(
             "late pass", float(late[k]), float(sigma[k]), "s", text, refuse=False
         )
     return found, None, least_s
+
+
+def scatter_of_lateness(fit: FitResult, sets: Mapping[int, str]) -> float:
+    """Return by how much (s) the passes of `fit` scatter about the times of their groups."""
+    late, _, labels = _lateness_of(fit, sets)
+    groups = [late[labels == k] for k in np.unique(labels)]
+    square = sum(float(np.sum((one - np.mean(one)) ** 2)) for one in groups)
+    return math.sqrt(square / max(len(late) - len(groups), 1))
+
+
+def _lateness_of(fit: FitResult, sets: Mapping[int, str] | None) -> tuple[Array, Array, Places]:
+    """Return lateness (g,) of the passes of a fit (`timed`), its covariance, and their groups."""
+    clocks, covariance = free_errors(fit, _searched_from(fit.pass_priors or timed(None)), "clock_s")
+    numbers, late = [one.pass_id for one in fit.pass_errors], -clocks
+    names = [(sets or {}).get(number, f"pass {number}") for number in numbers]
+    sets_of = np.unique(names, return_inverse=True)[1].astype(np.int64)
+    return late, covariance, _groups_of(late, covariance, sets_of)
 
 
 def _named_from(scatter_s: float, count: int) -> float:

@@ -211,7 +211,7 @@ def test_an_error_and_its_drift_share_one_size_and_those_along_the_track_do_not(
 
 @pytest.mark.parametrize("inclination_deg", [55.0, 98.0])
 def test_one_error_of_the_elements_turns_into_that_of_each_pass(inclination_deg):
-    """By SGP4 with elements 300 m off in all directions: one shared error leaves 1 % of the shift in two days."""
+    """By SGP4 with elements 300 m off in all directions: one shared error leaves 0.1 % of the shift in two days."""
     place = site("Madrid DSS-63")
     given = replace(find_elements(verification_elements(), "28057"), eccentricity=0.002,
                     inclination_rad=np.radians(inclination_deg))  # fmt: skip
@@ -241,4 +241,4 @@ def test_one_error_of_the_elements_turns_into_that_of_each_pass(inclination_deg)
     right = np.concatenate(shifts, axis=1) * np.stack([cosine[:, 0], 0.0 * cosine[:, 0] + 1.0])
     solved = np.linalg.lstsq(rows * priors.sigma, right.ravel(), rcond=None)[0]
     left = right.ravel() - rows * priors.sigma @ solved
-    assert np.linalg.norm(left) < 0.01 * np.linalg.norm(right)
+    assert np.linalg.norm(left) < 0.0012 * np.linalg.norm(right)

@@ -4,6 +4,7 @@ import importlib
 import inspect
 import json
 import pkgutil
+import subprocess
 import sys
 from concurrent.futures import Executor
 from contextlib import nullcontext
@@ -18,6 +19,7 @@ pytest.importorskip("rclpy", reason="nodes need ROS 2")
 from rf_pointing import papers
 from rf_pointing.papers.reproduce import PAPERS, main
 from rf_pointing.papers.row import Row
+from test.papers.test_recorded_rows import CLOSED_FORMS, TABLES
 
 
 @pytest.fixture
@@ -44,6 +46,18 @@ def run(*words: str) -> int | str | None:
 @pytest.mark.parametrize("paper", PAPERS)
 def test_every_paper_has_rows(paper: str) -> None:
     assert callable(importlib.import_module(f"rf_pointing.papers.{paper}").rows)
+
+
+def test_wrong_values_are_planted_into_the_explained_rows_of_every_paper() -> None:
+    papers_planted = " ".join(paper for *_, paper in TABLES.values()).split()
+    assert {*papers_planted, *CLOSED_FORMS} == set(PAPERS)
+
+
+def test_the_module_is_the_command() -> None:
+    command = [sys.executable, "-m", "rf_pointing.papers.reproduce", "receive"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120.0, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "3 explained, 0 open" in done.stdout
 
 
 def test_full_tables_are_asked_for_by_options(asked: dict[str, Any]) -> None:

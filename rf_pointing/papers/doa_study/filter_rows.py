@@ -99,12 +99,12 @@ def filter_rows(inside: CaseResult, drawn: CaseResult, published: list[CaseResul
     ]  # fmt: skip
     found += _settling_rows(ours_q, " of the printed filter, Q=1e-12,")
     found.append(
-        # Sigma grows at least as the fourth root and at most as the square root of Q.
+        # Measured with two seeds: 19.6 and 19.7 times for Q a thousand times larger, Q^0.43.
         Row(
             f"attitude sigma the printed filter predicts for itself with the printed Q={PRINTED_Q:g}", "section 5.2",
             max(PRINTED[100, 0.0][2:]), printed_q.sigma_deg, "deg", 0.1,
             remark=f"contradicts the tables; with Q=1e-12 it predicts {ours_q.sigma_deg:.3f} deg",
-            due=(grown**0.25 * ours_q.sigma_deg, 1.25 * grown**0.5 * ours_q.sigma_deg),
+            due=(grown**0.4 * ours_q.sigma_deg, grown**0.46 * ours_q.sigma_deg),
         )
     )  # fmt: skip
     for name, ratio, tolerance in (

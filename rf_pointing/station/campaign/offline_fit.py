@@ -147,7 +147,8 @@ class Fitted:
 
     `full` is the fit of all terms offered, None where only the chosen ones were fitted.  The data
     do not show the terms `kept`, which the chosen ones depend on.  Passes that are late by less
-    than `least_late_s` need not be named; 0 where their clocks were not judged.
+    than `least_late_s` need not be named; 0 where their clocks were not judged.  All of them may be
+    late by times between those of `open_clock_s`; None where the clock is known.
     """
 
     result: FitResult
@@ -158,6 +159,7 @@ class Fitted:
     warnings: list[str]
     kept: tuple[str, ...] = ()
     least_late_s: float = 0.0
+    open_clock_s: tuple[float, float] | None = None
 
 
 class OfflineFit:
@@ -168,6 +170,8 @@ class OfflineFit:
         self._free = set[str]()
         # By how much the references of raw passes are those of another place.
         self._away_m = np.zeros(3)
+        # Passes are late, where a place far off was another explanation.
+        self._at_place = False
         self._first = int(np.max(data.points.pass_id)) + 1 if data.points is not None else 0
 
     @cached_property
@@ -248,6 +252,7 @@ class OfflineFit:
         site_gain = math.inf if "site" in self._free else gains["site"]
         result, site = self._at_its_site(result, every, site_gain) if site_gain > MAYBE_WRONG else (result, None)
         # A site that is far off makes late passes, and passes late by two times make a clock.
+        site = None if self._at_place and disagreement else site
         far = site is not None and site.size > systematic_errors.FAR_SITE_M
         clock = None if far or disagreement else clock
         disagreement = None if far else disagreement
@@ -257,7 +262,9 @@ class OfflineFit:
         if request.select:
             result, kept = self._fit_of_chosen(every, full.pass_priors, full.shared, full)
         notes += [one.text for one in late.values()]
-        return Fitted(result, full, every, stages, notes, warnings, kept, least_s)
+        unknown = request.time_error_s is None and not self._data.recorded
+        open_s = systematic_errors.open_clock(full, request.coefficients) if unknown else None
+        return Fitted(result, full, every, stages, notes, warnings, kept, least_s, open_s)
 
     def _collected(
         self, known: PriorKnowledge, out: Collection[int], late_s: float = 0.0
@@ -315,7 +322,8 @@ class OfflineFit:
     def _first_fit(self, points: Observations, known: PriorKnowledge) -> FitResult:
         """Return the first fit, with the site free where the antenna is far from it.
 
-        Late passes that are found next to a wrong site are made by it: it comes first.
+        Passes that are late look like a place kilometres off, and the other way round: where the
+        passes scatter less about the times of their groups than as seen from there, it is they.
         """
         if not self._measures_orbit(points):
             return self._fit_of_all(points, None)
@@ -328,13 +336,31 @@ class OfflineFit:
         if free is None or not systematic_errors.far_site(free):
             self._free.discard("site")
             return self._fit_of_all(points, free)
+        given, here_s = points, self._scatter_s(points)
         for _ in range(MOST_ROUNDS):
             step_m, known = self._move_site(free), _known_after(free, known)
             if step_m < SETTLED_M:
                 break
             points, *_ = self._collected(known, ())
             free = self._fit_of_all(points, free)
+        if here_s < self._scatter_s(points):
+            self._free.discard("site")
+            self._away_m, self._at_place = np.zeros(3), True
+            self.__dict__.pop("_raw", None)
+            return self._fit_of_all(given, None)
         return free
+
+    def _scatter_s(self, points: Observations) -> float:
+        """Return by how much passes of one group are late by different times, at this site."""
+        free, self._free = self._free, self._free - {"site"}
+        try:
+            timed = systematic_errors.timed(MEASURABLE_FROM)
+            clocks = self._fit_of(points, self._request.terms, timed, edit_sigma=0.0)
+            return systematic_errors.scatter_of_lateness(clocks, self._sets)
+        except ValueError:
+            return math.inf
+        finally:
+            self._free = free
 
     def _move_site(self, result: FitResult) -> float:
         """See the passes from where a fit with a free site has the antenna; return how far off.
@@ -534,7 +560,8 @@ def remarks(request: FitRequest, done: Fitted) -> list[str]:
     least = f"a pass late by less than {done.least_late_s:.2f} s may not show among the errors of the orbits"
     return [
         *_choice_remarks(request, done), *_orbit_remarks(request, done.result),
-        *([least] if done.least_late_s > 0.0 else []), *_prediction_remarks(request, done),
+        *([least] if done.least_late_s > 0.0 else []), *_clock_remarks(done),
+        *_prediction_remarks(request, done),
     ]  # fmt: skip
 
 
@@ -546,6 +573,17 @@ def _choice_remarks(request: FitRequest, done: Fitted) -> list[str]:
     rest = [name for name in request.terms if name not in done.result.names]
     needed = f"; not seen, but fitted since others depend on them: {', '.join(done.kept)}" if done.kept else ""
     return [f"chosen by BIC: {', '.join(seen)}{needed}; not supported by the data, zero: {', '.join(rest) or 'none'}"]
+
+
+def _clock_remarks(done: Fitted) -> list[str]:
+    """Return which clocks the lags hold for."""
+    if done.open_clock_s is None:
+        return []
+    low, high = done.open_clock_s
+    return [
+        f"the lags are those of a right clock: with time tags {low:+.2f} to {high:+.2f} s late in all "
+        "passes the angles are as likely, and both velocity lags as much longer"
+    ]
 
 
 def _orbit_remarks(request: FitRequest, result: FitResult) -> list[str]:

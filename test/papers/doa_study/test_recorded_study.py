@@ -99,7 +99,7 @@ def planted_filters(trials: int = 10) -> list[Row]:
     case = DirectionCase(snapshots=100, snr_db=0.0)
     inside, drawn, ours, printed = (planted(case, scale) for scale in (1.0, 1.1, 1.2, 1.3))
     drawn = replace(drawn, history_deg=drawn.history_deg[:, :trials])
-    return filter_rows.filter_rows(inside, drawn, [ours, replace(printed, sigma_deg=1.1)])
+    return filter_rows.filter_rows(inside, drawn, [ours, replace(printed, sigma_deg=2.4)])
 
 
 TABLES: dict[str, Callable[[], list[Row]]] = {

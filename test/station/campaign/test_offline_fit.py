@@ -69,8 +69,13 @@ def test_errors_of_the_orbit_are_measured_and_allowed_for_unless_that_is_forbidd
     along_m = np.random.default_rng(4).normal(0.0, 300.0, 24)
     data = displaced(points(24), along_m)
     measured, none = fit(data), fit(data, orbit_prior_m=0.0)
-    said, least = remarks(asked(), measured)
+    said, least, clock = remarks(asked(), measured)
     assert re.fullmatch(r"a pass late by less than \d\.\d\d s may not show among the errors of the orbits", least)
+    left_open = re.fullmatch(
+        r".* right clock: with time tags (.\d\.\d\d) to (.\d\.\d\d) s late in all passes .*", clock
+    )
+    assert left_open
+    assert float(left_open[1]) <= 0.0 <= float(left_open[2])
     size = re.fullmatch(r"sigma allows for orbit errors of (\d+) m along-track, .* as the passes show them", said)
     assert size
     assert float(size[1]) == pytest.approx(300.0, rel=0.35)
