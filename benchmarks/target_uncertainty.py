@@ -11,13 +11,16 @@ law: how many hold what the certificate promises with 90 %.
 import argparse
 import time
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 import rf_pointing as rp
 from rf_pointing.core import random_stream
 from rf_pointing.core.pass_outcome import PassOutcome
-from rf_pointing.ephemeris import ElementUncertainty
+from rf_pointing.ephemeris import ElementUncertainty, TopocentricTrack
+from rf_pointing.ephemeris.state_vector import StateVector, combined, cross, norm
 from rf_pointing.simulation import PassLog, simulate_pass
 
 ERRORS_S = (0.15, 0.5, 1.0, 2.0, 4.0, 7.0)
@@ -57,8 +60,41 @@ def table() -> None:
         )
 
 
+class Displaced:
+    """A target whose orbit is so many metres to the side and above that of its elements."""
+
+    def __init__(self, target: Any, cross_m: float, up_m: float) -> None:
+        self._target, self._cross_m, self._up_m = target, cross_m, up_m
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._target, name)
+
+    def motion_at(self, t_s: Any, ahead_s: Any = 0.0) -> StateVector:
+        """Return the motion, moved along the orbit normal and upward."""
+        motion = self._target.motion_at(t_s, ahead_s)
+        normal = cross(motion.position, motion.velocity)
+        moved = combined(
+            (1.0 + self._up_m / norm(motion.position), motion.position), (self._cross_m / norm(normal), normal)
+        )
+        return replace(motion, position=moved)
+
+
+def drawn(one: rp.StationPass, random: np.random.Generator) -> tuple[float, float, float]:
+    """Return seconds ahead, metres to the side and above, drawn from the law of the elements."""
+    age_s = one.window.tca_t_s - one.target.first_t_s
+    along_m, cross_m, up_m = random.normal(0.0, ElementUncertainty().sigmas_m(age_s)).tolist()
+    return float(np.clip(along_m / SPEED_M_S, -59.0, 59.0)), cross_m, up_m
+
+
+def truth(track: TopocentricTrack, error: tuple[float, float, float]) -> TopocentricTrack:
+    """Return where a target really is that is so far off its elements."""
+    found = track.with_offsets(**track.offsets.offsets | {"along_track_offset_s": error[0]})
+    found.target = Displaced(found.target, *error[1:])
+    return found
+
+
 def acquired(
-    station: rp.Station, one: rp.StationPass, sensor: str, error_s: float, seed: int, whole: bool
+    station: rp.Station, one: rp.StationPass, sensor: str, error: tuple[float, float, float], seed: int, whole: bool
 ) -> tuple[float, float] | None:
     """Return the seconds held and those promised of a pass, None where it is refused.
 
@@ -68,9 +104,15 @@ def acquired(
     chosen = station.certificate(one).chosen
     if chosen is None:
         return None
-    start_deg = np.degrees(chosen.start_rad).tolist()
-    changes = {"rf_receiver": {"source.along_track_offset_s": error_s}, "antenna_servo": {"antenna.start_deg": start_deg}}
-    setup, window = station.setup(one, seed, changes), one.window
+    start_deg = dict(
+        zip(
+            ("antenna.start_azimuth_deg", "antenna.start_elevation_deg"),
+            np.degrees(chosen.start_rad).tolist(),
+            strict=True,
+        )
+    )
+    real, window = truth(station.track_of(one.target), error), one.window
+    setup = station.setup(one, seed, {"antenna_servo": start_deg}, truth=real)
     width, count = station.rules.machine.half_power_beamwidth_rad, round(SETTLED_S / CLUSTER_S)
 
     def settled(log: PassLog) -> bool:
@@ -103,18 +145,12 @@ def on_prediction(
         inside = (times >= one.window.aos_t_s) & (times <= one.window.los_t_s)
         looks, still = station.track_of(satellite).sample(times[inside]), log.errors_rad()[inside]
         for _ in range(10):
-            error_s = drawn_error_s(one, random)
-            there = station.track_of(satellite).with_offsets(along_track_offset_s=error_s).sample(times[inside])
+            error = drawn(one, random)
+            there = truth(station.track_of(satellite), error).sample(times[inside])
             across = np.remainder(there.azimuth_rad - looks.azimuth_rad + np.pi, 2.0 * np.pi) - np.pi
             moved = np.column_stack([across * np.cos(looks.elevation_rad), there.elevation_rad - looks.elevation_rad])
             held = PassOutcome.of(np.hypot(*(still + moved).T), width, CLUSTER_S)
-            yield one, error_s, held.tracked_s, log.certificate.chosen.held_90_s
-
-
-def drawn_error_s(one: rp.StationPass, random: np.random.Generator) -> float:
-    """Return how far the satellite is ahead of its elements at a pass, drawn from their law."""
-    age_s = one.window.tca_t_s - one.target.first_t_s
-    return float(np.clip(random.normal(0.0, ElementUncertainty().sigmas_m(age_s)[0] / SPEED_M_S), -59.0, 59.0))
+            yield one, error[0], held.tracked_s, log.certificate.chosen.held_90_s
 
 
 def with_sensor(
@@ -123,9 +159,9 @@ def with_sensor(
     """Yield passes with a sensor, the error, and the seconds held and promised."""
     for number in range(count):
         one = passes[int(random.integers(len(passes)))]
-        error_s = drawn_error_s(one, random)
-        if found := acquired(station, one, sensor, error_s, number + 1, whole):
-            yield one, error_s, *found
+        error = drawn(one, random)
+        if found := acquired(station, one, sensor, error, number + 1, whole):
+            yield one, error[0], *found
 
 
 def trials(count: int, case: str, seconds: float, whole: bool) -> None:

@@ -30,9 +30,9 @@ from rf_pointing.station.antenna.radio import SampledReceiver, SimulatedRadio, s
 from rf_pointing.station.antenna.receiver import Reception, SimulatedReceiver
 from rf_pointing.station.antenna.simulated_antenna import AntennaParams, SimulatedAntenna, SimulatedHardware
 from rf_pointing.station.derive.axes import feed_model, kinematics_of
-from rf_pointing.station.parameters import wider_band
 from rf_pointing.station.description import DEFAULT_STATION, StationDescription, read_station
 from rf_pointing.station.description.description import require_known
+from rf_pointing.station.parameters import wider_band
 from rf_pointing.station.pointing.certificates import pass_profile
 from rf_pointing.station.pointing.controller import PointingController
 from rf_pointing.station.pointing.params import ControllerParams

@@ -171,7 +171,7 @@ class PointingCorrections:
         self._scans = ScanPatterns(scans)
 
     def learned_sigma_rad(self) -> float:
-        """Return the standard deviation of the target's direction now, infinite before it is known."""
+        """Return the standard deviation of the target's direction, infinite before it is seen."""
         if self._ahead is None or not self.filter.state.used:
             return math.inf
         t_s = float(self._ahead.t_s[0])
