@@ -495,12 +495,14 @@ class PointingController:
         if wider is None or self._in_wider or not names or not names <= set(wider.sensors):
             return cost
         found = self.in_band(wider.params)._cost(sensor, window, t_s, profile)
-        if found.unheld_90_s + CHANGE_S + WORTH_S > cost.unheld_90_s:
+        # A scan knows the direction after its window, once in either band.
+        change_s = CHANGE_S + 4.0 * self._scans.age_s(sensor)
+        if found.unheld_90_s + change_s + WORTH_S > cost.unheld_90_s:
             return cost
         self._wide_s = found.unheld_90_s + NOT_FOUND_S
         return replace(
-            cost, acquisition_s=found.acquisition_s + CHANGE_S, unheld_s=found.unheld_s + CHANGE_S,
-            unheld_90_s=found.unheld_90_s + CHANGE_S, acquisition_band=wider.name,
+            cost, acquisition_s=found.acquisition_s + change_s, unheld_s=found.unheld_s + change_s,
+            unheld_90_s=found.unheld_90_s + change_s, acquisition_band=wider.name,
             search_rad_s=max(cost.search_rad_s, found.search_rad_s),
         )  # fmt: skip
 
