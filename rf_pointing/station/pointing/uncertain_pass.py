@@ -129,7 +129,7 @@ def _found_after_s(
             back_s = table.search_turn_s + RETURN_S + far * (PULL_S if sensor.scans else table.coast_s + PULL_S)
             found_s = min(found_s, STEP_S * peak + back_s)
         taken.append(found_s)
-    return np.minimum(taken, times[-1] - times[0])
+    return np.asarray(np.minimum(taken, times[-1] - times[0]))
 
 
 def _reaches_rad(

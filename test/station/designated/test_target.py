@@ -277,8 +277,14 @@ def udp_port() -> int:
 
 def test_a_sonde_and_a_drone_of_one_vehicle_come_by_udp_and_lead_to_where_it_is() -> None:
     dialect = pytest.importorskip("pymavlink.dialects.v20.common")
-    sender, ports, now_s = dialect.MAVLink(None, srcSystem=7, srcComponent=1), (udp_port(), udp_port()), [T_S]
-    latitude_deg, longitude_deg = (math.degrees(each) for each in (SITE.latitude_rad, SITE.longitude_rad))
+    sender, ports, now_s = (
+        dialect.MAVLink(None, srcSystem=7, srcComponent=1),
+        (udp_port(), udp_port()),
+        [T_S],
+    )
+    latitude_deg, longitude_deg = (
+        math.degrees(each) for each in (SITE.latitude_rad, SITE.longitude_rad)
+    )
     passes: list[Any] = []
     target = DesignatedTarget(
         DesignateParams(
@@ -310,7 +316,9 @@ def test_a_sonde_and_a_drone_of_one_vehicle_come_by_udp_and_lead_to_where_it_is(
             # Reports arrive when the reading threads have had them, so it goes on until 30 s are known.
             while (found is None or number < 60) and time.monotonic() - begun_s < 60.0:
                 number, now_s[0] = number + 1, now_s[0] + 0.5
-                out.sendto(b"not JSON" if number == 20 else sonde(now_s[0]), ("127.0.0.1", ports[0]))
+                out.sendto(
+                    b"not JSON" if number == 20 else sonde(now_s[0]), ("127.0.0.1", ports[0])
+                )
                 out.sendto(drone(now_s[0]), ("127.0.0.1", ports[1]))
                 sent_s = time.monotonic()
                 while time.monotonic() - sent_s < 0.05:
@@ -322,11 +330,17 @@ def test_a_sonde_and_a_drone_of_one_vehicle_come_by_udp_and_lead_to_where_it_is(
         assert passes[0][0].name == "designated vehicle"
         assert found is not None
         north, east, height_m = place(now_s[0] + 2.0)
-        away = SITE.axes @ (np.array(Site.from_degrees(north, east, 0.0).position_m) - SITE.position_m)
+        away = SITE.axes @ (
+            np.array(Site.from_degrees(north, east, 0.0).position_m) - SITE.position_m
+        )
         away += SITE.axes @ (height_m * np.array(Site.from_degrees(north, east, 0.0).axes[2]))
         published, uncertainty = found
-        assert math.remainder(published.azimuth_rad - math.atan2(away[0], away[1]), math.tau) == pytest.approx(0, abs=2e-3)
-        assert published.elevation_rad == pytest.approx(math.atan2(away[2], math.hypot(*away[:2])), abs=2e-3)
+        assert math.remainder(
+            published.azimuth_rad - math.atan2(away[0], away[1]), math.tau
+        ) == pytest.approx(0, abs=2e-3)
+        assert published.elevation_rad == pytest.approx(
+            math.atan2(away[2], math.hypot(*away[:2])), abs=2e-3
+        )
         assert 0.0 < math.sqrt(np.trace(uncertainty.covariance_rad2)) < 0.05
     finally:
         target.end()
