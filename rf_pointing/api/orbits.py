@@ -49,6 +49,7 @@ class DeterminedOrbit:
     ----------
     elements : refined mean elements, for what flies elements.
     elements_rms_m : their distance from the orbit, over the passes and the prediction.
+    before : the elements that the orbit began with.
     ephemeris : states in TEME and covariances in radial, transverse, normal, a minute apart.
     """
 
@@ -57,7 +58,27 @@ class DeterminedOrbit:
     ephemeris: Ephemeris = field(repr=False)
     found: Orbits = field(repr=False)
     notes: tuple[str, ...] = field(repr=False)
+    before: Elements = field(repr=False)
     manoeuvre_t_s: float | None = None
+
+    @property
+    def reason_not_better(self) -> str:
+        """Why the prediction is no better than that of the old elements, "" if it is.
+
+        Their errors are those of the law of elements.  Passes that do not agree within what is
+        known of their noise and biases have given no orbit at all.
+        """
+        law, t_s = ElementUncertainty(), float(self.ephemeris.t_s[-1])
+        along_m, cross_m, _ = law.sigmas_m(t_s - self.before.epoch_t_s)
+        _, along, cross = self.sigmas_m(t_s)
+        for words, found_m, most_m in (
+            ("the orbit's sigma along the track", along, along_m),
+            ("the orbit's sigma across the track", cross, cross_m),
+            ("the refined elements' distance from the orbit", self.elements_rms_m, law.along_m),
+        ):
+            if found_m >= most_m:
+                return f"{words} is {found_m:.0f} m, must be < {most_m:.0f} m, that of the elements"
+        return ""
 
     @cached_property
     def target(self) -> OemTarget:
@@ -192,7 +213,9 @@ class OrbitRequest:
         after = t_s >= (self.manoeuvre_t_s or -math.inf)
         places, air_factor = ephemeris.states[after, :3], float(found.values[0, 6])
         fresh, rms_m = mean_elements(elements, float(last_s), t_s[after], places, air_factor)
-        return DeterminedOrbit(fresh, rms_m, ephemeris, found, tuple(notes), self.manoeuvre_t_s)
+        return DeterminedOrbit(
+            fresh, rms_m, ephemeris, found, tuple(notes), elements, self.manoeuvre_t_s
+        )  # fmt: skip
 
     def _priors(self) -> Priors:
         # A model leaves little, whatever the beam.

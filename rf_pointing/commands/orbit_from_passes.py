@@ -6,10 +6,12 @@ Input: rosbag2 recordings, CCSDS TDM and CSV of raw tracking, of one satellite a
 It writes STEM.oem, states with covariances from the first pass to --hours after the last, and
 STEM.omm, refined elements; `track --elements` flies either.
 
-Exit code 0: the orbit was determined; 2: it was not, and nothing was written.
+Exit code 0: the orbit was determined; 1: with --if-better it was, and is no better than the
+elements; 2: it was not.  With 1 and 2 nothing is written.
 """
 
 import argparse
+import sys
 import time
 from pathlib import Path
 
@@ -54,6 +56,8 @@ def arguments() -> argparse.ArgumentParser:
     add("--refraction-removed", action="store_true",
         help="the angles of CSV and TDM data are free of it")  # fmt: skip
     add("--allow-damage", action="store_true", help="use the sound part of damaged recordings")
+    add("--if-better", action="store_true",
+        help="write only what predicts better than the elements, by the law of their errors")  # fmt: skip
     add("--output", default="orbit", metavar="STEM",
         help="writes STEM.oem and STEM.omm (default: orbit)")  # fmt: skip
     return parser
@@ -72,6 +76,9 @@ def main(argv: list[str] | None = None) -> None:
             bias_mdeg=options.bias, max_age_s=options.max_age * DAY_S,
             refraction_removed=options.refraction_removed, allow_damage=options.allow_damage,
         ).run()  # fmt: skip
-        oem, omm = orbit.write(options.output, created_t_s=time.time())
         print(orbit)
+        if options.if_better and (why := orbit.reason_not_better):
+            say(PROGRAM, f"not written: {why}")
+            sys.exit(1)
+        oem, omm = orbit.write(options.output, created_t_s=time.time())
         say(PROGRAM, f"{oem}, {omm}")

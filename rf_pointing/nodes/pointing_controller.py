@@ -31,7 +31,8 @@ from rf_pointing.ros.station_watches import ClockWatch, ExecutiveWatch
 from rf_pointing.ros.track_pass import TrackPassServer
 from rf_pointing.station.clients.goals import PassGoals
 from rf_pointing.station.derive.axes import feed_model
-from rf_pointing.station.pointing.controller import PointingController
+from rf_pointing.station.parameters import wider_band
+from rf_pointing.station.pointing.controller import PointingController, WiderBand
 from rf_pointing.station.pointing.params import LIVE, ControllerParams
 from rf_pointing.tracking.sensors import load_trackers
 
@@ -56,7 +57,7 @@ class PointingControllerNode(StationNode):
         self._server = TrackPassServer(self)
 
     def configure(self) -> None:
-        core, store = PointingController(self._params()), self.parameters.value("")
+        core, store = PointingController(self._params(), self._wider()), self.parameters.value("")
         goals = self._goals = PassGoals(core, self._server, self._sensor, store)
         real = self.station is not None and self.station.receiver != "simulated"
         core.take_model(feed_model(self.station.content, self.band))
@@ -113,12 +114,15 @@ class PointingControllerNode(StationNode):
         senders = self.get_publishers_info_by_topic("pointing_model")
         calibrated = any(each.node_name == "bias_calibrator" for each in senders)
         model = feed_model(self.station.content, self.band)
-        self._goals.use_band(self._params(), model, calibrated=calibrated)
+        self._goals.use_band(self._params(), model, self._wider(), calibrated=calibrated)
         self._goals.controller.permit_sun(self._permit, self.band)
 
     def _sensor(self, sensor: str) -> str:
         assert self.station is not None
         return self.station.chosen_sensor(sensor, self.band)
+
+    def _wider(self) -> WiderBand | None:
+        return wider_band(self.station, self.band) if self.station is not None else None
 
     def _params(self) -> ControllerParams:
         return ControllerParams(**{prefix: self.parameters.value(prefix) for prefix in ControllerParams().sets()})

@@ -58,6 +58,8 @@ class SensorCost:
     unheld_90_s: float = 0.0
     power_90: float = 1.0
     search_rad_s: float = 0.0
+    acquisition_band: str = ""
+    """Wider band in which the target is acquired first, "" for none."""
     fresh: "SensorCost | None" = None
     """The same on fresh elements, where those in use are older."""
 
@@ -148,6 +150,8 @@ class Certificate:
     """The mount whose axes the branches move, its tilt axis set for this pass."""
     band: str = ""
     """Band of the station, "" if it is not known."""
+    acquisition_band: str = ""
+    """Wider band in which the target is acquired first, "" for none."""
 
     @property
     def chosen(self) -> Branch | None:
@@ -216,6 +220,7 @@ def certify(
         machine=machine,
         carrier_to_noise_db_hz=cost.carrier_to_noise_db_hz if cost else (),
         mount=mount,
+        acquisition_band=cost.acquisition_band if cost else "",
     )
 
 

@@ -59,6 +59,8 @@ def certificate_lines(certificate: Certificate) -> list[str]:
         verdict += f"; arrives {chosen.late_s:.0f} s after acquisition"
     if chosen.acquisition_s > 0.0:
         verdict += f"; {chosen.acquisition_s:.0f} s expected until a sensor holds the target"
+    if certificate.acquisition_band:
+        verdict += f", acquired in the {certificate.acquisition_band} band"
     for fixed in certificate.machine.fixed_elevation_rad:
         verdict += f"; elevation fixed at {math.degrees(fixed):.1f} deg: {chosen.lost_s:.0f} s below half power"
     verdict += f"; expected pointing loss {chosen.mean_loss_db:.2f} dB"

@@ -36,6 +36,8 @@ _ZSTD = b"\x28\xb5\x2f\xfd"
 """Begin of a compressed message; one of ROS begins with a zero."""
 _TICK_NS = 100_000_000
 """Longest step of a simulated clock; log times that follow it so closely are taken from it."""
+# Value on /diagnostics: what earlier passes taught of the target.
+LEARNED = "learned"
 _NUMBER = re.compile(r"\d+(\.\d+)?")
 Take = Callable[[int, bytes], None]
 Layouts = Mapping[str, TopicLayout]
@@ -99,6 +101,7 @@ class _Collector:
         self._layouts = layouts
         self.problems = list(source.problems)
         self.warnings: dict[tuple[str, str], tuple[str, int]] = {}
+        self.learned: dict[str, str] = {}
         self.others: dict[str, int] = defaultdict(int)
         self._namespace = namespace
         self._typestore = self._types(source)
@@ -208,7 +211,10 @@ class _Collector:
         except _DECODE_ERRORS:
             return
         for status in message.status:
-            if status.level and self._is_ours(status.name):
+            if not self._is_ours(status.name):
+                continue
+            self.learned.update((each.key, each.value) for each in status.values if each.key == LEARNED)
+            if status.level:
                 # A message with a count in it changes every second, but is one warning.
                 key = (status.name, _NUMBER.sub("#", status.message))
                 self.warnings[key] = (status.message, self.warnings.get(key, ("", 0))[1] + 1)
@@ -298,7 +304,7 @@ def read_recording(path: Path | str, *, namespace: str | None = None, layouts: L
         return Recording(
             path=path, namespace=chosen, topics=topics, passes=_passes(topics.get("passes")),
             warnings=collector.complaints(), others=dict(sorted(collector.others.items())),
-            notes={key: text for key, text in source.notes.items() if key not in own},
+            notes={key: text for key, text in source.notes.items() if key not in own} | collector.learned,
             not_recorded=tuple(TopicLoss(**item) for item in lost),
             problems=(*filter(None, [problem]), *collector.all_problems()),
         )  # fmt: skip

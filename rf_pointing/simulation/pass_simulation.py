@@ -4,6 +4,7 @@ The order within a tick is the order in which messages arrive in the graph: ante
 tracker; the controller acts every few ticks, on errors stamped before its own period.
 """
 
+import copy
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -31,6 +32,7 @@ from rf_pointing.station.antenna.simulated_antenna import AntennaParams, Simulat
 from rf_pointing.station.derive.axes import feed_model, kinematics_of
 from rf_pointing.station.description import DEFAULT_STATION, StationDescription, read_station
 from rf_pointing.station.description.description import require_known
+from rf_pointing.station.parameters import wider_band
 from rf_pointing.station.pointing.certificates import pass_profile
 from rf_pointing.station.pointing.controller import PointingController
 from rf_pointing.station.pointing.params import ControllerParams
@@ -55,6 +57,8 @@ class PassLog:
     command_t_s: list[float] = field(default_factory=list)
     command_rad: list[tuple[float, float]] = field(default_factory=list)
     certificate: Certificate | None = None
+    bands: list[tuple[float, str]] = field(default_factory=list)
+    """Times at which another band went on with the pass."""
     fault: str = ""
     """The fault that was latched at the end, "" without one."""
     ended: str = ""
@@ -145,6 +149,14 @@ class StationSetup:
         """Return the target as the station predicts it."""
         return load_track(self.sets("ephemeris_publisher")["source"])
 
+    def in_band(self, band: str) -> "StationSetup":
+        """Return the same run in another band of the station, with that band's model."""
+        other = copy.copy(self)
+        other.band, file = band, self.station.bias_model_file(band)
+        model = read_model(file).model if file else feed_model(self.station.content, band)
+        other.model = model.on(other.sets("pointing_controller")["kinematics"])
+        return other
+
     def antenna(self, hardware: SimulatedHardware | None = None) -> SimulatedAntenna | DriveAntenna:
         """Return the simulated antenna; a drive that takes positions is simulated as a rotator.
 
@@ -175,7 +187,10 @@ class StationSetup:
 
     def controller(self) -> PointingController:
         """Return the pointing controller with its model."""
-        controller = PointingController(ControllerParams(**self.sets("pointing_controller")))
+        own = ControllerParams(**self.sets("pointing_controller"))
+        # A tracker of one's own measures one band.
+        given = self._tracker is not None or self.array is not None
+        controller = PointingController(own, None if given else wider_band(self.station, self.band, self.changes))
         controller.take_model(self.model)
         return controller
 
@@ -195,13 +210,15 @@ def simulate_pass(
     scan: ScanProgramParams | None = None,
     on_signal: Callable[[str, Any], object] | None = None,
     track: TopocentricTrack | None = None,
+    enough: Callable[[PassLog], bool] | None = None,
 ) -> PassLog:
     """Return the log of one pass, from `start_t_s` (time to slew included) to loss of signal.
 
     Without a `sensor` the station's default one tracks.  `on_reception` is called with every
     reception.  With a `scan` program track is scanned by it, and the log ends with the scan.
     `on_signal` is called with the topic of the graph and every signal that would be sent on it.
-    The controller predicts by the `track`, by default that of the setup.
+    The controller predicts by the `track`, by default that of the setup.  The log ends before the
+    pass where it is `enough`.
     """
     given, sensor = track, setup.station.chosen_sensor(sensor, setup.band)
     track = given or setup.track()
@@ -265,7 +282,17 @@ def simulate_pass(
             log.mode.append(mode)
             if on_reception is not None:
                 on_reception(reception)
-        if scan is not None and not controller.busy:
+        if status is not None and (band := controller.wanted_band):
+            # Between two periods: what was received belongs to the band before.
+            other = setup.in_band(band)
+            receiver, carrier = other.receiver(), other.power_tracker()
+            monopulse = MonopulseTracker(other.sets(SENSORS[Sensor.MONOPULSE].node)[Sensor.MONOPULSE])
+            if isinstance(antenna, SimulatedAntenna):
+                antenna.hardware.bend(other.sets("antenna_servo")["mount"])
+            controller.go_on_in_band(status.t_s, band)
+            controller.take_model(other.model)
+            log.bands.append((status.t_s, band))
+        if (scan is not None and not controller.busy) or (enough is not None and enough(log)):
             break
     if law is not None:
         log.learned = lesson.end_pass(track, law)

@@ -4,6 +4,7 @@ The sets of the station's parts are declared where they are used; `derive/nodes.
 what each node has.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -11,6 +12,7 @@ from rf_pointing.core.parameters import Params, parameter
 
 if TYPE_CHECKING:
     from rf_pointing.station.description import StationDescription
+    from rf_pointing.station.pointing.controller import WiderBand
     from rf_pointing.station.pointing.params import ControllerParams
 
 
@@ -48,6 +50,20 @@ class ViewParams(Params):
         0.0, "radius of the sphere on which directions are drawn; 0: three diameters of the antenna", low=0.0, high=1e5
     )
     period_s: float = parameter(0.2, "time between two drawings of beam, target and Sun", low=0.2, high=10.0)
+
+
+def wider_band(
+    station: "StationDescription", band: str, changes: Mapping[str, Mapping[str, object]] | None = None
+) -> "WiderBand | None":
+    """Return the band in which uncertain targets of a band are acquired, None for none."""
+    from rf_pointing.station.pointing.controller import WiderBand
+    from rf_pointing.station.pointing.params import ControllerParams
+
+    name = station.content.bands[band].acquisition_band
+    if not name:
+        return None
+    sets = station.sets("pointing_controller", name, (changes or {}).get("pointing_controller"))
+    return WiderBand(own=band, name=name, params=ControllerParams(**sets), sensors=station.sensors(name))
 
 
 def controller_params(station: "StationDescription", band: str | None = None) -> "ControllerParams":

@@ -102,7 +102,7 @@ def sky(tmp_path_factory: pytest.TempPathFactory) -> Sky:
 def test_two_passes_predict_the_next_ten_times_better_and_say_so(sky, tmp_path, capsys):
     stem = tmp_path / "cbers"
     line = [*map(str, sky.files()), "--station", "leo_3m7", "--elements", str(sky.elements), "--satellite", "28057"]
-    main([*line, "--bias", "2", "--output", str(stem)])
+    main([*line, "--bias", "2", "--if-better", "--output", str(stem)])
     said = capsys.readouterr().out
     assert "orbit from 2 passes" in said
     assert "s ahead of its elements" in said
@@ -138,6 +138,10 @@ def test_one_pass_says_what_it_leaves_to_the_elements(sky):
     assert "one pass: 2 or more tell the period" in str(orbit)
     assert any("semi-major axis" in one for one in orbit.found.undetermined())
     assert orbit.ahead_of_elements_s == pytest.approx(AHEAD_S, abs=0.1)
+    # Elements of the same minute would be better, those of ten days are not.
+    fresh = dataclasses.replace(orbit, before=dataclasses.replace(OLD, epoch_t_s=float(orbit.ephemeris.t_s[-1])))
+    assert "must be < 700 m, that of the elements" in fresh.reason_not_better
+    assert orbit.reason_not_better == ""
 
 
 def test_outliers_holes_and_disorder_are_left_out(sky):

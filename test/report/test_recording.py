@@ -255,6 +255,9 @@ def test_what_diagnostics_complained_about_is_counted(tmp_path: Path, types: Def
             ("cpu: temperature", "70 C"),
         ):
             status.append(maker.message("diagnostic_msgs/msg/DiagnosticStatus", level=2, name=name, message=text))
+        for name in ("gs1/ephemeris_publisher: target", "gs2/ephemeris_publisher: target"):
+            value = maker.message("diagnostic_msgs/msg/KeyValue", key="learned", value=f"+{count}.0 s, {name[:3]}")
+            status.append(maker.message("diagnostic_msgs/msg/DiagnosticStatus", name=name, values=[value]))
         return bytes(maker.serialized(kind, status=status))
 
     joints = ("sensor_msgs/msg/JointState", [])
@@ -264,6 +267,8 @@ def test_what_diagnostics_complained_about_is_counted(tmp_path: Path, types: Def
     assert recording.warnings[0] == Complaint(component="cpu: temperature", message="70 C", count=3)
     assert recording.warnings[1:] == (Complaint(component="gs1/receiver", message="2 samples, 1.0 s late", count=3),)
     assert recording.others == {"/diagnostics": 3}
+    # The report shows notes: the newest that earlier passes taught of this antenna's target.
+    assert recording.notes["learned"] == "+2.0 s, gs1"
 
 
 def test_newest_announcement_of_a_pass_counts(tmp_path: Path, types: Definitions, maker: Any) -> None:

@@ -10,10 +10,11 @@ import pytest
 import rf_pointing as rp
 from rf_pointing.calibration import BiasModel
 from rf_pointing.core import MDEG
-from rf_pointing.ephemeris import Pass, first_pass_above
+from rf_pointing.ephemeris import ElementUncertainty, Pass, first_pass_above
 from rf_pointing.ephemeris.source import SourceParams, load_elements, load_track
 from rf_pointing.simulation import PassLog, StationSetup, simulate_pass
 from rf_pointing.station.antenna.drive_antenna import DriveAntenna
+from rf_pointing.station.pointing.certificates import pass_profile
 from rf_pointing.station.pointing.controller import PointingController
 from rf_pointing.tracking.power_tracker import PowerTracker
 
@@ -182,3 +183,38 @@ def test_a_satellite_four_seconds_off_is_held_and_the_next_pass_begins_on_it(tmp
             assert "from 1 pass" in flown.log.learned
     assert begun_mdeg[0] > 200.0
     assert begun_mdeg[1] < 100.0
+
+
+def test_an_uncertain_target_is_acquired_in_the_wider_band_and_handed_over_without_a_search() -> None:
+    """Four seconds off: 6 X-band beams at the rise, within the S-band beam's reach.  Elements of a day change nothing."""
+    station = rp.Station("dss13", "X")
+    one = station.passes(rp.elements("CBERS 2"), days=2, min_peak_deg=40.0)[0]
+    start_deg = np.degrees(station.certificate(one).chosen.start_rad).tolist()
+    changes = {
+        "ephemeris_publisher": {"uncertainty.along_m": 4.0 * 7500.0},
+        "rf_receiver": {"source.along_track_offset_s": 4.0},
+        "antenna_servo": {"antenna.start_azimuth_deg": start_deg[0], "antenna.start_elevation_deg": start_deg[1]},
+    }  # fmt: skip
+    setup = station.setup(one, 1, changes)
+    begin_s, words = math.floor(one.aos_t_s) - 5.0, []
+    log = simulate_pass(
+        setup, one.window, begin_s, "monopulse", enough=lambda log: log.t_s[-1:] > [one.aos_t_s + 12.0],
+        on_signal=lambda topic, signal: words.append(signal.reason) if topic == "tracking_status" else None,
+    )  # fmt: skip
+    assert log.certificate is not None
+    assert log.certificate.chosen is not None
+    assert (log.certificate.acquisition_band, [band for _, band in log.bands]) == ("S", ["S", "X"])
+    assert any(each.startswith("S band: ") for each in words)
+    assert "the X band takes over" in words
+    assert "search" not in log.mode
+    held = np.hypot(*log.errors_rad()[np.array(log.t_s) > one.aos_t_s + 8.0].T) < HALF_BEAM_RAD
+    assert held.all()
+    # It promises what it holds, and far more than the X band alone could.
+    assert one.duration_s - 60.0 < log.certificate.chosen.held_90_s < one.duration_s - 8.0
+    del changes["ephemeris_publisher"]
+    usual = station.setup(one, 1, changes).controller()
+    usual.plan.take_profiles([pass_profile(setup.track(), one.window, law=ElementUncertainty())])
+    usual.take_joints(setup.antenna().reading(begin_s))
+    usual.start(begin_s, one.window, "monopulse")
+    assert usual.plan.certificate is not None
+    assert (usual.plan.certificate.acquisition_band, usual.wanted_band) == ("", "")

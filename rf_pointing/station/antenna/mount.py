@@ -142,7 +142,11 @@ class SimulatedBeam:
         self._mount = mount
         self._tick_s = tick_s
         self._mean, self._looked_s = RateAverage(lag_averaging_s), math.inf
-        self._mount_error = MountError(params.model(mount))
+        self.bend(params)
+
+    def bend(self, params: MountParams) -> None:
+        """Have other errors from now on, as in another band; the mount moves on as it did."""
+        self._mount_error = MountError(params.model(self._mount))
 
     def boresight(self, t_s: float, axes_rad: Array, rate_rad_s: Array) -> Boresight:
         """Return the direction on the sky of axes (2,) that move at these rates (2,)."""

@@ -117,13 +117,13 @@ class SimulatedHardware(AntennaPlant):
         self.injected = InjectedFaults()
         self._wind: WindSource = Wind(params.wind, random_stream(seed, "wind"))
         self._torque = np.zeros(2)
-        self._lag_averaging_s = params.antenna.lag_averaging_s
-        self._kinematics = params.safety.kinematics
-        self.bend(params.mount)
+        self._beam = SimulatedBeam(
+            params.mount, params.antenna.lag_averaging_s, self._tick_s, params.safety.kinematics
+        )  # fmt: skip
 
     def bend(self, mount: MountParams) -> None:
-        """Have other mount errors from now on, as in another band; the lags begin at rest."""
-        self._beam = SimulatedBeam(mount, self._lag_averaging_s, self._tick_s, self._kinematics)
+        """Have other mount errors from now on, as in another band."""
+        self._beam.bend(mount)
 
     def blow(self, wind: WindSource) -> None:
         """Let another wind blow from now on, as one that was recorded."""

@@ -18,7 +18,7 @@ from rf_pointing.core.signals import DESIGNATED
 from rf_pointing.ephemeris import Pass
 from rf_pointing.planning import Certificate
 from rf_pointing.station.pointing.certificates import StoreParams, store_certificate
-from rf_pointing.station.pointing.controller import PointingController
+from rf_pointing.station.pointing.controller import PointingController, WiderBand
 from rf_pointing.station.pointing.params import ControllerParams
 from rf_pointing.station.pointing.status import Level, Report, TrackingStatus
 from rf_pointing.tracking.scan_program import ScanProgramParams
@@ -117,6 +117,11 @@ class PassGoals:
         self._search: Search | None = None
         self._changing = self._lacks_model = False
         """Whether nodes have yet to take the band of the goal, and its bias model to come."""
+        # When and in which band the pass in hand goes on, while that is done; since when nodes
+        # follow, by the steady clock; a band that cannot be taken.
+        self._taking: tuple[float, str] | None = None
+        self._following_s: float | None = None
+        self._barred_band = ""
         self._refusal, self._cancelled, self._scanned = "", False, False
         self._begun_wall_s = 0.0
         # Mode and level of the last feedback, and when the next one is due.
@@ -146,9 +151,17 @@ class PassGoals:
         self.controller.retune(params)
         self._store = store
 
-    def use_band(self, params: ControllerParams, model: BiasModel, *, calibrated: bool) -> None:
+    def use_band(
+        self, params: ControllerParams, model: BiasModel, wider: WiderBand | None = None, *, calibrated: bool
+    ) -> None:
         """Go on with the numbers of another band, and `model` until the calibrator sends one."""
-        self.controller = self.controller.in_band(params)
+        if self._taking is not None:
+            # The pass goes on, with the model of before until that of the band comes.
+            self.controller.go_on_in_band(*self._taking)
+            if not calibrated:
+                self.controller.take_model(model)
+            return
+        self.controller = self.controller.in_band(params, wider)
         self.controller.take_model(model)
         self._lacks_model, self._no_temperature = calibrated, ""
         if self._model_band:
@@ -181,6 +194,7 @@ class PassGoals:
         """Start the pass of a goal, or look for it first; a refused goal ends at once."""
         self._goal, self._begun_wall_s = goal, wall_s
         self._refusal, self._cancelled, self.window = "", False, goal.window
+        self._barred_band = ""
         self._fed_back, self._scanned = (), goal.scan is not None
         try:
             self._changing = self._port.use_band(goal)
@@ -213,7 +227,10 @@ class PassGoals:
             self.refuse(str(error))
 
     def _advance(self, t_s: float, wall_s: float) -> None:
-        """Go on with a goal whose pass has not been started."""
+        """Go on with a goal whose pass has not been started, or is in another band by now."""
+        since_s = self._following_s
+        if since_s is not None and (not self._port.difference() or wall_s - since_s > PATIENCE_WALL_S):
+            self._following_s, self.controller.deaf = None, False
         if self._goal is not None and self._cancelled and self._changing:
             self.refuse("the goal was cancelled")
         elif self._goal is not None and self._changing:
@@ -325,10 +342,29 @@ class PassGoals:
             # Simulated time waits for the status of this period, so it does not run ahead of the
             # pass of a goal, or of its certificate, on a busy machine.
             self._period = (t_s, math.inf)
-        elif self.controller.awaits_input(t_s):
+        elif self.controller.awaits_input(t_s) or self._following_s is not None:
             self._period = (t_s, wall_s + self.longest_wait_s)
         else:
             self._step(t_s)
+        self._take_band(t_s, wall_s)
+
+    def _take_band(self, t_s: float, wall_s: float) -> None:
+        """Let the pass in hand go on in the band that it wants by now; then the nodes follow."""
+        core = self.controller
+        band = core.wanted_band
+        if not band or band == self._barred_band or self._following_s is not None:
+            return
+        self._taking = t_s, band
+        try:
+            self._port.use_band(replace(self._goal or PassGoal(), band=band))
+            # What is measured meanwhile may be of either band.
+            self._following_s, core.deaf = wall_s, True
+        except ValueError as error:
+            self._barred_band = band
+            core.stop(str(error))
+            self._port.error(str(error))
+        finally:
+            self._taking = None
 
     def turn(self, now_s: float, wall_s: float) -> float:
         """Finish a period that has waited long enough; return how long there is nothing to do."""
@@ -338,6 +374,7 @@ class PassGoals:
             return math.inf
         t_s, until_s = self._period
         waits = self._waits or self.controller.missing or self.controller.awaits_input(t_s)
+        waits = waits or self._following_s is not None
         if waits and until_s > wall_s:
             return until_s - wall_s
         self._finish_period()

@@ -1,6 +1,7 @@
 """Files of a night: its journal, a recording and a report of every pass."""
 
 import json
+import re
 import shutil
 import subprocess
 import sys
@@ -15,7 +16,8 @@ from rf_pointing.core.whole_file import write_whole
 from rf_pointing.operations import JournalEntry
 from rf_pointing.operations.pass_work import VERDICT, PassRecord
 
-_REPORT = "import os; os.nice(19); from rf_pointing.commands.report import main; main()"
+# Seconds of processor time: a process of its own, behind all others.
+_BEHIND = "import os; os.nice(19); from rf_pointing.commands.{} import main; main()"
 
 
 class Recording(Protocol):
@@ -41,6 +43,7 @@ class NightFolder:
         self._recording: Recording | None = None
         self._folder: Path | None = None
         self._reports: list[subprocess.Popen[bytes]] = []
+        self._refining: tuple[subprocess.Popen[bytes], Path, Path] | None = None
 
     @property
     def recorder(self) -> str:
@@ -105,9 +108,43 @@ class NightFolder:
 
     def report(self, name: str) -> str:
         """Begin the report on the recordings of a pass."""
-        # Seconds of processor time: a process of its own, behind all others.
         nowhere = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL)
-        command = [sys.executable, "-c", _REPORT, name, "--output", name]
+        command = [sys.executable, "-c", _BEHIND.format("report"), name, "--output", name]
         process = subprocess.Popen(command, **nowhere)  # type: ignore[call-overload]
         self._reports.append(process)
         return name
+
+    def refine(self, names: Sequence[str], elements: Path, further: Sequence[str]) -> None:
+        """Begin to determine an orbit from the recordings of these passes, the newest last.
+
+        It begins with the `elements`, not with what came of it before: a pass must count once.
+        Refined elements go next to them, where they are better.
+        """
+        folder = self.path / "passes" / names[-1]
+        bags = [str(each) for name in names for each in sorted((self.path / "passes" / name).glob("bag*"))]
+        command = [sys.executable, "-c", _BEHIND.format("orbit_from_passes"), *bags, "--elements", str(elements),
+                   "--if-better", "--output", str(folder / "orbit"), *further]  # fmt: skip
+        with (folder / "orbit.txt").open("w") as said:
+            process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=said, stderr=said)
+        self._refining = process, folder, elements
+
+    @property
+    def refining(self) -> bool:
+        """Whether an orbit is being determined."""
+        return self._refining is not None
+
+    def refined(self) -> str:
+        """Put refined elements that have been found into force; return what came of them, or ""."""
+        if self._refining is None or (code := self._refining[0].poll()) is None:
+            return ""
+        (_, folder, elements), self._refining = self._refining, None
+        said = (folder / "orbit.txt").read_text(encoding="utf-8", errors="replace").splitlines()
+        last = said[-1] if said else "it has ended without a word"
+        if code:
+            return f"elements not refined from passes up to {folder.name}: {last}"
+        # One file for each satellite: the newest orbit has all passes of the night in it.
+        text = (folder / "orbit.omm").read_text(encoding="utf-8")
+        satellite = re.search(r"OBJECT_ID\s*=\s*(\S+)", text)
+        place = elements.parent / f"refined-{satellite[1] if satellite else folder.name}.omm"
+        write_whole(place, text)
+        return f"elements refined from passes up to {folder.name}: {place}"

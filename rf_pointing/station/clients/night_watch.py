@@ -42,6 +42,10 @@ class ExecutiveParams(Params):
     recovery_file: str = parameter("", "recovery table (YAML); empty: the shipped one")
     sensor: str = parameter("", "sensor of passes that name none; empty: the station's")
     record: bool = parameter(True, "whether each pass is recorded and reported on")
+    refine: str = parameter(
+        "", "file of elements that the passes of a night refine; refined ones go next to it, into the folder that "
+        "ephemeris_publisher reads; empty: not refined"
+    )  # fmt: skip
     partners: str = parameter("", "namespaces of the antennas that share the schedule, separated by commas")
     partners_key_file: str = parameter("", "key that the executives of these antennas share; the first makes it")
 
@@ -90,6 +94,7 @@ class NightWatch:
         self._others = Partners(antenna, self.partners, alarms.node_silent_s)
         self._rivals: dict[str, tuple[bool, float]] = {}
         self._steered_by = ""
+        self._unrefined: list[tuple[str, str]] = []
         self._shown: Any = None
 
     @property
@@ -181,6 +186,9 @@ class NightWatch:
         self.night.step(t_s)
         for record in self.night.records[self._judged :]:
             self.folder.judge(record)
+            if self._own.refine and record.state == PassState.TRACKED and record.recorded:
+                self._unrefined.append((record.name, record.band))
+        self._refine()
         self._judged = len(self.night.records)
         if self.night.journal:
             self.folder.write_journal(self.night.journal)
@@ -192,6 +200,23 @@ class NightWatch:
         if self._report:
             self._tell(f"morning report {Path(self._report) / 'night.html'}", True)
         return True
+
+    def _refine(self) -> None:
+        """Refine elements from the passes of this night, one satellite after the other."""
+        if self._own.refine and (news := self.folder.refined()):
+            self._tell(news, news.startswith("elements refined"))
+        # The recording of the pass must have ended.
+        if not self._unrefined or self.folder.refining or self.folder.recorder != "idle":
+            return
+        name, band = self._unrefined.pop(0)
+        mine = [each.id for each in self.night.records if each.name == name and each.state == PassState.TRACKED]
+        if len(mine) < 2:
+            return
+        further = ["--station", str(self._station.path), "--band", band or self.night.band, "--satellite", name]
+        try:
+            self.folder.refine(mine, Path(self._own.refine).expanduser().resolve(), further)
+        except OSError as error:
+            self._tell(f"elements of {name} not refined: {error}", False)
 
     def _write_morning(self, folder: Path) -> None:
         self._write_report(folder, self.alarms.healths)

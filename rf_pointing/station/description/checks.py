@@ -277,6 +277,12 @@ def _check_band(content: Content, name: str, section: BandSection, reader: Reade
         reader.note(f"{key}.sensors", f"{key}.sensors names array: the description has no section array")
     elif Sensor.ARRAY in (section.sensors or ()) and content.array and frequency is not None:
         _check_array(content.array, frequency, reader)
+    if wider := section.acquisition_band:
+        lower = [each for each, other in (content.bands or {}).items()
+                 if other and frequency is not None and (other.frequency_mhz or frequency) < frequency]  # fmt: skip
+        if wider not in lower:
+            known = one_of(wider, lower) if lower else "empty: no band has a lower frequency"
+            reader.note(f"{key}.acquisition_band", f"{key}.acquisition_band={wider!r} must be {known}")
     if section.bias_model:
         # Imported here, as what the checks of an array need: most stations have neither.
         from rf_pointing.calibration.model_file import read_model

@@ -280,6 +280,9 @@ class BandSection:
     )
     feed_offset: FeedOffsetSection | None = parameter(None, "where the beam is, without bias_model")
     bias_model: str = parameter("", "file of the bias model; empty: none, until one is calibrated")
+    acquisition_band: str = parameter(
+        "", "wider band in which a pass begins while its target is uncertain; its satellites must transmit in both"
+    )
     mount_errors: Open = field(
         default_factory=dict, metadata={"description": "mount errors of the simulated antenna that differ in this band"}
     )

@@ -14,7 +14,7 @@ pass.
 """
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -56,13 +56,32 @@ USUAL_RANGE_M = 1e6
 SUN_SHARE = 0.5
 # A pass through the Sun ends so long before its permission, for the antenna to turn away then.
 SUN_STOP_S = 2.0
+# The band of the pass takes over once the target is known to this share of its beam: three sigmas
+# are within half power.  Until it holds the target, after the change; and seconds worth a change.
+TAKEN_OVER_BEAMWIDTHS = 1.0 / 6.0
+CHANGE_S, WORTH_S = 8.0, 5.0
+# A wider band without a carrier is left so long after nine targets of ten would have been found.
+NOT_FOUND_S = 30.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class WiderBand:
+    """Another band of the station, `name`, in which passes of the band `own` may be acquired."""
+
+    own: str
+    name: str
+    params: ControllerParams
+    sensors: tuple[str, ...]
 
 
 class PointingController:
     """Follows one pass at a time; `step` once a period, between them the inputs as they come."""
 
-    def __init__(self, params: ControllerParams) -> None:
-        self.params = params
+    def __init__(self, params: ControllerParams, wider: WiderBand | None = None) -> None:
+        self.params = self._own = params
+        self._wider, self._in_wider = wider, False
+        # How long the wider band is used at most, and until when.
+        self._wide_s, self._wide_until_s = 0.0, -math.inf
         self.plan = PassPlan(
             params.machine, params.mask, params.gate, params.limits, SolarDirection(params.sun, params.kinematics),
             params.pointing.on_target_rad, params.kinematics,
@@ -80,18 +99,50 @@ class PointingController:
         self._stopping, self._sensor = "", Sensor.PROGRAM.value
         self._started_s, self._stepped_s, self._returning = -math.inf, -math.inf, False
         self._alarm: tuple[Level, str] = Level.OK, ""
+        self.deaf = False
+        """Whether sensed errors are ignored: not every node has taken the band."""
         self._renewed = False
         self.model_doubt = ""
         self.statistics = PassStatistics()
 
-    def in_band(self, params: ControllerParams) -> "PointingController":
+    def in_band(self, params: ControllerParams, wider: WiderBand | None = None) -> "PointingController":
         """Return the controller of another band, which knows antenna and passes as this one."""
-        other = PointingController(params)
+        other = PointingController(params, wider)
         other.antenna.take_status(self.antenna.mode, self.antenna.fault)
         other.plan.profiles = self.plan.profiles
         if self._motion.axes is not None:
             other.take_joints(self._motion.axes)
         return other
+
+    def go_on_in_band(self, t_s: float, band: str) -> None:
+        """Take the wider band for the pass in hand, or the pass's own again.
+
+        Antenna, plan and what was learned of the target stay; the carrier is another one.
+        """
+        assert self._wider is not None
+        self._in_wider = band == self._wider.name
+        if not self._in_wider:
+            # Once: a target that its own beam loses is looked for there.
+            self._wide_until_s = -math.inf
+        self.params = params = self._wider.params if self._in_wider else self._own
+        self._scans = Scans(params.spiral, params.calibration.scan, params.watch.probe, params)
+        self._scans.latitude_rad = params.sun.site.latitude_rad
+        self.carrier = CarrierWatch(params.watch, params.link)
+        self._mode.use_band(t_s, params.autotrack, self.carrier, f"the {band} band takes over")
+        self.corrections.use_band(t_s + params.pointing.transport_s, params.integrator, self._scans, params.trim)
+        self._levels.clear()
+
+    @property
+    def wanted_band(self) -> str:
+        """Band in which the pass in hand should go on, "" while that in use is the right one."""
+        if self._wider is None:
+            return ""
+        if not self._in_wider:
+            return self._wider.name if self._pass is not None and self._stepped_s < self._wide_until_s else ""
+        known_rad = TAKEN_OVER_BEAMWIDTHS * self._own.spiral.half_power_beamwidth_rad
+        found = self.state.integrating and self.corrections.learned_sigma_rad() < known_rad
+        over = self._pass is None or self._stepped_s >= self._wide_until_s
+        return self._wider.own if found or over else ""
 
     @property
     def busy(self) -> bool:
@@ -131,7 +182,7 @@ class PointingController:
 
         All other sets are read once, when the controller is made: a new one of them has no effect.
         """
-        self.params = params
+        self.params, self._own = params, self._own if self._in_wider else params
         self.plan.retune(params.limits, params.pointing.on_target_rad)
         self._motion.retune(params.pointing)
         self._mode.retune(params.autotrack, params.pointing)
@@ -178,6 +229,8 @@ class PointingController:
         ValueError
             For a sensor that is not registered.
         """
+        if self.deaf:
+            return
         self._mode.errors.take(error)
         self._levels.take(error)
 
@@ -233,6 +286,7 @@ class PointingController:
             self._require_scan(t_s, window, program)
         self._scans.program, self._scans.latitude_rad = program, self.params.sun.site.latitude_rad
         self.plan.forget()
+        self._wide_until_s = -math.inf
         axes, known = self._motion.axes, self.plan.profile_of(window) is not None
         self._turns_rad = self._choose_turn(t_s, window, axes, sensor) if axes is not None and known else None
         self._sensor, self._started_s, self._asked = sensor, t_s, window
@@ -388,7 +442,8 @@ class PointingController:
         sensed = error if error is not None and error.valid and error.sensor == mode else None
         # A stare measures the beam itself, axis error included; a scan the centre of it.
         scanned = sensed is not None and SENSORS[sensed.sensor].scans
-        timing, beamwidth_rad = self.params.pointing, self.corrections.half_power_beamwidth_rad
+        # The seconds of a pass are those of its own band.
+        timing, beamwidth_rad = self.params.pointing, self._own.spiral.half_power_beamwidth_rad
         newest_t_s = t_s - LEAST_AGE_PERIODS * timing.period_s
         oldest_t_s = newest_t_s - LEVEL_PERIODS * timing.period_s
         evidence = BeamEvidence(
@@ -422,12 +477,34 @@ class PointingController:
         cost = sensor_cost(looks, self._scans, self.params.trim, table, motion)
         if prior is not self.params.trim:
             latitude_rad, begin_s = self.plan.sun.site.latitude_rad, max(t_s, window.aos_t_s)
-            found = uncertain_cost(looks, self._scans, prior, table, profile, latitude_rad, begin_s, self.plan.mount)
+            found = uncertain_cost(
+                looks, self._scans, prior, table, profile, latitude_rad, begin_s, self.plan.mount, levels
+            )
             cost = replace(found, fresh=cost)
         if own:
             beamwidth_rad = self.corrections.half_power_beamwidth_rad
             cost = array_cost(self.params.array, self.params.integrator, table, levels, beamwidth_rad, cost)
-        return replace(cost, carrier_to_noise_db_hz=(min(levels), max(levels)))
+        cost = replace(cost, carrier_to_noise_db_hz=(min(levels), max(levels)))
+        return cost if prior is self.params.trim else self._cost_by_wider_band(cost, sensor, window, t_s, profile)
+
+    def _cost_by_wider_band(
+        self, cost: SensorCost, sensor: str, window: Pass, t_s: float, profile: PassProfile
+    ) -> SensorCost:
+        """Return what the pass costs if the wider band acquires it, where that saves time."""
+        wider, names = self._wider, {traits.name for traits in sensors_of(SENSOR_CHOICES[sensor])}
+        if wider is None or self._in_wider or not names or not names <= set(wider.sensors):
+            return cost
+        found = self.in_band(wider.params)._cost(sensor, window, t_s, profile)
+        # A scan knows the direction after its window, once in either band.
+        change_s = CHANGE_S + 4.0 * self._scans.age_s(sensor)
+        if found.unheld_90_s + change_s + WORTH_S > cost.unheld_90_s:
+            return cost
+        self._wide_s = found.unheld_90_s + NOT_FOUND_S
+        return replace(
+            cost, acquisition_s=found.acquisition_s + change_s, unheld_s=found.unheld_s + change_s,
+            unheld_90_s=found.unheld_90_s + change_s, acquisition_band=wider.name,
+            search_rad_s=max(cost.search_rad_s, found.search_rad_s),
+        )  # fmt: skip
 
     def _choose_turn(self, t_s: float, window: Pass, joints: JointReading, sensor: str) -> float:
         """Issue the certificate, and return the turns (rad) to track on."""
@@ -435,6 +512,9 @@ class PointingController:
         # Over the top a scan would measure other offsets than those of a table.
         direct = self._scans.program is not None
         self.plan.choose(t_s, window, joints, self._motion.model, averaging_s, cost, direct=direct)
+        certificate = self.plan.certificate
+        if certificate is not None and certificate.acquisition_band and certificate.chosen is not None:
+            self._wide_until_s = max(t_s, window.aos_t_s) + self._wide_s
         # Again, for over the top the same encoders are other direct angles.
         self.take_joints(joints)
         return self.plan.course.turns_rad
@@ -483,7 +563,7 @@ class PointingController:
             mode=state.mode,
             sensor=self._mode.sensor,
             target=window.name if window else "",
-            reason=state.reason,
+            reason=f"{self._wider.name} band: {state.reason}" if self._wider and self._in_wider else state.reason,
             los_t_s=window.los_t_s if window else 0.0,
             azimuth_rad=azimuth_rad,
             elevation_rad=elevation_rad,

@@ -11,7 +11,7 @@ belong to it.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
@@ -157,6 +157,26 @@ class PointingCorrections:
             self._prior, self.filter = prior, TrimFilter(prior)
         # Where the elements are as good as usual a straight line is, too.
         self._path = path if prior.along_track_s > self._trim_params.along_track_s else None
+
+    def use_band(self, command_s: float, integrator: TrackerIntegratorParams, scans: Scans, trim: TrimParams) -> None:
+        """Go on with another beam and its scans: what the filter learned of the target stays."""
+        self._change_mode(command_s, Mode.COAST)
+        self._loop, self._loops, self._scan_params = integrator, _loops(integrator, scans), scans
+        self.half_power_beamwidth_rad = scans.spiral.half_power_beamwidth_rad
+        if self.filter.state.used:
+            # Both feeds were calibrated apart: what their models leave differs.
+            differ_rad = min(trim.bias_rad, FOUND_SIGMA_BEAMWIDTHS * self.half_power_beamwidth_rad)
+            spread = np.diag([0.0, 0.0, differ_rad**2, differ_rad**2])
+            self.filter.state = replace(self.filter.state, covariance=self.filter.state.covariance + spread)
+        self._scans = ScanPatterns(scans)
+
+    def learned_sigma_rad(self) -> float:
+        """Return the standard deviation of the target's direction, infinite before it is seen."""
+        if self._ahead is None or not self.filter.state.used:
+            return math.inf
+        t_s = float(self._ahead.t_s[0])
+        _, sky = self._about(t_s, float(self.filter.state.mean[0]), SkyMotion(*self._ahead.sky[0].tolist()))
+        return math.sqrt(float(np.linalg.eigvalsh(self.filter.trim(t_s, sky).covariance_rad2)[-1]))
 
     def update(
         self, command_s: float, mode_before: str, state: AutotrackState, error: PointingError | None, beam: Array | None

@@ -189,6 +189,14 @@ class TrackingMode:
         # The sensor was chosen with the pass; a changed default is for the next one.
         self._table = Autotrack(params.replace(sensor=self.sensor))
 
+    def use_band(self, t_s: float, params: AutotrackParams, carrier: CarrierWatch, reason: str) -> None:
+        """Go on in another band: its carrier has to be found by itself."""
+        self.retune(params, self.timing)
+        self._carrier, self._calibrating = carrier, False
+        self.errors.restart(self.sensor)
+        mode = self.state.mode if self.state.mode in (Mode.IDLE, Mode.SLEW) else Mode.COAST
+        self.state = AutotrackState(mode=mode, entered_s=t_s, reason=reason)
+
     def restart(self, t_s: float, sensor: str) -> None:
         """Begin a pass with a sensor as the operator names it."""
         self._carrier.restart()

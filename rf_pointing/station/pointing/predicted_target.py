@@ -211,8 +211,11 @@ class PredictedTarget:
         except ValueError:
             # The target's place is unknown now: `target_at` reports it when it is due.
             pass
+        name = self.track.name
         if isinstance(self.track.learned, LearnedTime):
-            values["learned"] = self.track.learned.text(now_s)
+            values["learned"] = learned = self.track.learned.text(now_s)
+            # The page shows the words of a check.
+            name += f"; learned: {learned}"
         if sky is not None:
             values |= {
                 "target": self.track.name,
@@ -223,7 +226,7 @@ class PredictedTarget:
             }
         if self._unknown:
             return Report(Level.ERROR, self._unknown, values)
-        return Report(Level(bool(warnings)), warnings or self.track.name, values)
+        return Report(Level(bool(warnings)), warnings or name, values)
 
     def _choose(self, track: TopocentricTrack, start_s: float, peak_rad: float) -> None:
         """Make `track` the target, if it passes, and show its passes."""

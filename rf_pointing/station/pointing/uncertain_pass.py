@@ -8,6 +8,7 @@ degrees.  Without a sensor the beam stays on the prediction.
 """
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -22,18 +23,25 @@ from rf_pointing.tracking.sensors import SensorTraits
 
 # Steps in which the pass is flown: less than a search needs for half a beam.
 STEP_S = 0.1
+STRONG_DB_HZ = 60.0
 # From where a search found it, back to the target, and from the edge of the beam to its middle: the
 # transition, a window of a scan, and the loop.
 RETURN_S, PULL_S = 4.0, 6.0
+# Beamwidths off the axis at which a feed that stares believes its error, and to which a search
+# counts a carrier: a real dish has its first null there.
+STARED, MAIN_BEAM = 0.75, 1.2
 # What certificates promise.
 PROMISED = 0.9
 
 
 def uncertain_cost(
     sensor: SensorTraits | None, scans: Scans, prior: TrimParams, table: AutotrackParams, profile: PassProfile,
-    latitude_rad: float, begin_s: float, mount: Kinematics = LEVEL,
+    latitude_rad: float, begin_s: float, mount: Kinematics = LEVEL, levels_db_hz: Sequence[float] = (),
 ) -> SensorCost:  # fmt: skip
     """Return what a sensor costs on a pass, from `begin_s` on, whose target is known like `prior`.
+
+    `levels_db_hz` are those of the rows of the profile with the beam on the target; without them
+    the carrier is taken to be strong.
 
     None: the prediction alone is followed, and its error stays.
     """
@@ -50,7 +58,8 @@ def uncertain_cost(
             power=float(np.mean(power)), power_90=float(np.quantile(power, 1.0 - PROMISED)),
             unheld_s=float(np.mean(unheld)), unheld_90_s=float(np.quantile(unheld, PROMISED)),
         )  # fmt: skip
-    taken = _found_after_s(sensor, scans, prior, table, times, errors, path, fine)
+    levels = np.interp(times, profile.t_s, levels_db_hz) if len(levels_db_hz) else np.full(len(times), STRONG_DB_HZ)
+    taken = _found_after_s(sensor, scans, prior, table, times, errors, path, fine, levels)
     power_of_scan = 1.0
     scan = ScanPatterns(scans)
     scan.begin(sensor.name, 0.0, TrimFilter(prior), None)
@@ -81,15 +90,14 @@ def _errors_rad(times: Array, path: TrackPath, fine: PassProfile, prior: TrimPar
 
 def _found_after_s(
     sensor: SensorTraits, scans: Scans, prior: TrimParams, table: AutotrackParams, times: Array, errors: Array,
-    path: TrackPath, fine: PassProfile,
+    path: TrackPath, fine: PassProfile, levels_db_hz: Array,
 ) -> Array:  # fmt: skip
-    """Return when each target (targets,) is held, in s after the first of the times (n,)."""
+    """Return when each target (targets,) is held, in s after the first of the times (n,).
+
+    `levels_db_hz` (n,) is the carrier with the beam on the target.
+    """
     beamwidth, known = scans.spiral.half_power_beamwidth_rad, TrimFilter(prior)
-    # A scan begins with a carrier as weak as `beam_drop_db`, a stare within half power.
-    at_once = (
-        beamwidth * math.sqrt(table.beam_drop_db * math.log(10.0) / (10.0 * MU)) if sensor.scans else 0.5 * beamwidth
-    )
-    beam, reach = np.zeros((len(times), 2)), np.full(len(times), at_once)
+    beam, searching = np.zeros((len(times), 2)), np.zeros(len(times), dtype=np.bool_)
     begin_s, fruitless = float(times[0]) + table.settle_s, 0
     while begin_s < times[-1]:
         rows = (times >= begin_s) & (times < begin_s + table.search_s)
@@ -97,19 +105,45 @@ def _found_after_s(
         sky = SkyMotion(motion[:, 0], motion[:, 1], np.interp(times[rows], fine.t_s, fine.range_m))
         search = ScanPatterns(scans)
         search.begin(Mode.SEARCH, begin_s, known, sky, path, uncertain=True, wider=1 + fruitless)
-        beam[rows], reach[rows] = search.at(times[rows], sky)[0], 0.5 * beamwidth
+        beam[rows], searching[rows] = search.at(times[rows], sky)[0], True
         begin_s, fruitless = begin_s + table.search_s + table.settle_s, fruitless + 1
-    searching = reach < at_once if sensor.scans else np.any(beam != 0.0, axis=1)
+    at_once, seen = _reaches_rad(sensor, table, beamwidth, levels_db_hz)
+    # A scan begins where nothing else moves the beam; a stare measures in a search, too.
+    at_once = np.where(searching, 0.0, at_once) if sensor.scans else at_once
+    seen = np.where(searching, seen, 0.0)
     distance = np.hypot(*np.moveaxis(errors - beam, -1, 0))
+    turn = math.ceil(table.search_turn_s / STEP_S)
     taken = []
     for apart in distance:
-        met = np.flatnonzero(apart <= reach)
-        if not len(met):
-            taken.append(float(times[-1] - times[0]))
-            continue
-        first = int(met[0])
-        # Only one turn later is it known that the carrier was strongest there.
-        later_s = RETURN_S + table.search_turn_s * sensor.scans if searching[first] else 0.0
-        pull_s = PULL_S if not searching[first] and apart[first] > 0.5 * beamwidth else 0.0
-        taken.append(float(times[first] - times[0]) + later_s + pull_s)
-    return np.array(taken)
+        met, glimpsed = np.flatnonzero(apart <= at_once), np.flatnonzero(apart <= seen)
+        caught = int(met[0]) if len(met) else len(times)
+        found_s = float(times[-1] - times[0])
+        if caught < len(times):
+            found_s = STEP_S * caught + PULL_S * bool(apart[caught] > 0.5 * beamwidth)
+        if len(glimpsed) and glimpsed[0] < caught:
+            peak = nearest = int(glimpsed[0])
+            # Only one turn later is it known that the carrier was strongest there.
+            while len(after := apart[peak + 1 : peak + 1 + turn]) and after.min() < apart[nearest]:
+                peak = nearest = peak + 1 + int(after.argmin())
+            far = apart[peak] > (0.5 if sensor.scans else STARED) * beamwidth
+            back_s = table.search_turn_s + RETURN_S + far * (PULL_S if sensor.scans else table.coast_s + PULL_S)
+            found_s = min(found_s, STEP_S * peak + back_s)
+        taken.append(found_s)
+    return np.asarray(np.minimum(taken, times[-1] - times[0]))
+
+
+def _reaches_rad(
+    sensor: SensorTraits, table: AutotrackParams, beamwidth: float, levels_db_hz: Array
+) -> tuple[Array, Array]:
+    """Return how far off a target (n,) is held at once, and how far off a search sees its carrier.
+
+    A scan begins with a carrier as weak as `beam_drop_db`, a stare within what its feed believes.
+    """
+
+    def within(margin_db: Array | float) -> Array:
+        return beamwidth * np.sqrt(np.maximum(margin_db, 0.0) * math.log(10.0) / (10.0 * MU))
+
+    carrier = within(levels_db_hz - table.carrier_db_hz[0])
+    needed = table.monopulse_on_db_hz if sensor.needs_strong_carrier else table.carrier_db_hz[0]
+    own = within(table.beam_drop_db) if sensor.scans else np.minimum(STARED * beamwidth, within(levels_db_hz - needed))
+    return np.minimum(own, carrier), np.minimum(carrier, MAIN_BEAM * beamwidth)

@@ -18,7 +18,7 @@ from rf_pointing.core.pass_outcome import LOSS_OF_SIGNAL
 from rf_pointing.ephemeris import Pass, TopocentricTrack
 from rf_pointing.station.clients.goals import FEEDBACK_S, NEAR_S, PATIENCE_WALL_S, PassGoal, PassGoals, nearest_pass
 from rf_pointing.station.pointing.certificates import StoreParams
-from rf_pointing.station.pointing.controller import PointingController
+from rf_pointing.station.pointing.controller import PointingController, WiderBand
 from rf_pointing.station.pointing.status import Level, TrackingStatus
 
 PERIOD_S = 0.1
@@ -435,3 +435,28 @@ def test_a_band_that_is_not_taken_by_all_is_refused_with_who_lacks_it_and_an_unk
     desk.world.wall_s += PATIENCE_WALL_S + 1.0
     desk.turn()
     assert (desk.message, desk.goals.busy, desk.world.of("command")) == (why, False, [])
+
+
+def test_a_pass_that_changes_its_band_goes_on_with_its_periods_and_believes_no_sensor_until_every_node_follows(
+    desk: Desk,
+) -> None:
+    params = desk.controller.params
+    wider = WiderBand(own="X", name="S", params=params, sensors=("monopulse", "conscan"))
+    desk.goals.use_band(params, BiasModel.zero(), wider, calibrated=False)
+    desk.begin()
+    desk.period(10)
+    with pytest.MonkeyPatch.context() as patched:
+        for band in ("S", "X"):
+            patched.setattr(PointingController, "wanted_band", band)
+            desk.period()
+            patched.setattr(PointingController, "wanted_band", "")
+            assert (desk.world.in_use, desk.controller.deaf) == (band, True)
+            desk.period(5)
+            assert desk.controller.deaf
+            desk.world.different = ""
+            desk.period()
+            assert not desk.controller.deaf
+            assert desk.world.statuses[-1].reason.startswith("S band: ") == (band == "S")
+    periods = desk.world.of("period")
+    assert len(desk.world.of("command")) == len(periods)
+    assert np.diff(periods) == pytest.approx(PERIOD_S, abs=1e-6)

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from rf_pointing.core.dates import utc_text
 from rf_pointing.operations import AlarmParams, BetweenParams
 from rf_pointing.operations.dictionary import TABLES
-from rf_pointing.operations.pass_work import record_of
+from rf_pointing.operations.pass_work import PassRecord, record_of
 from rf_pointing.operations.schedule import Entry, ScheduledPass
 from rf_pointing.station.clients import night_folder, station_alarms
 from rf_pointing.station.clients.alarm_hooks import HookParams
@@ -78,7 +78,7 @@ def listed(*begins_s: float, **more: str) -> list[ScheduledPass]:
 @pytest.fixture(autouse=True)
 def disk(monkeypatch: pytest.MonkeyPatch) -> Any:
     """Return the disk, of which `free` bytes are free (OSError if negative), and the `processes` that were begun."""
-    one = SimpleNamespace(free=5e9, processes=[])
+    one = SimpleNamespace(free=5e9, processes=[], commands=[], poll=lambda: 0)
 
     def usage(_folder: Path) -> Any:
         if one.free < 0.0:
@@ -86,8 +86,9 @@ def disk(monkeypatch: pytest.MonkeyPatch) -> Any:
         return one
 
     def begin(command: list[str], **_options: Any) -> Any:
+        one.commands.append(command)
         one.processes.append(command[-1])
-        return SimpleNamespace(poll=lambda: 0)
+        return SimpleNamespace(poll=lambda: one.poll())
 
     for module in (night_folder, station_alarms):
         monkeypatch.setattr(module, "shutil", SimpleNamespace(disk_usage=usage))
@@ -381,3 +382,52 @@ def test_a_recording_is_noted_with_the_band_of_its_pass_and_one_that_a_procedure
     two = Bench(tmp_path, procedure_file=str(own))
     with pytest.raises(ValueError, match="pass p0: band=S needs a procedure_file with parameter band"):
         two.watch.start(listed(100.0, band="S"), False, T_S)
+
+
+def test_elements_are_refined_from_all_passes_of_a_satellite_once_it_has_two_and_only_where_they_are_better(
+    tmp_path: Path, disk: Any
+) -> None:
+    elements = tmp_path / "elements" / "catalogue.tle"
+    elements.parent.mkdir()
+    one, codes = Bench(tmp_path, refine=str(elements)), []
+    disk.poll = lambda: codes[-1]
+
+    def tracked(number: int, name: str, state: str = "tracked") -> Path:
+        folder = one.folder / "passes" / f"p{number}"
+        folder.mkdir(parents=True)
+        (folder / "bag").mkdir()
+        one.night.records.append(PassRecord(
+            id=f"p{number}", name=name, aos_t_s=T_S, los_t_s=T_S + 600.0, state=state, reason="", tracked_s=600.0,
+            lost_s=0.0, loss_db=0.1, attempts=1, causes=(), element_age_h=None, recorded=True, band="X",
+        ))  # fmt: skip
+        one.watch.step(T_S, WALL_S)
+        return folder
+
+    tracked(1, "CBERS 2")
+    tracked(2, "ISS")
+    tracked(3, "CBERS 2", "lost")
+    assert disk.commands == []
+    codes.append(None)
+    folder = tracked(4, "CBERS 2")
+    (command,) = disk.commands
+    bags = [str(one.folder / "passes" / name / "bag") for name in ("p1", "p4")]
+    assert command[3:5] == bags
+    assert command[5:] == ["--elements", str(elements), "--if-better", "--output", str(folder / "orbit"),
+                           "--station", str(STATION.path), "--band", "X", "--satellite", "CBERS 2"]  # fmt: skip
+    place = elements.parent / "refined-2003-049A.omm"
+    (folder / "orbit.txt").write_text("an orbit\nnot written: the orbit's sigma is 900 m\n")
+    codes.append(1)
+    one.watch.step(T_S, WALL_S)
+    assert one.told[-1] == (
+        "elements not refined from passes up to p4: not written: the orbit's sigma is 900 m", False,
+    )  # fmt: skip
+    assert not place.exists()
+    codes.append(None)
+    folder = tracked(5, "CBERS 2")
+    assert disk.commands[-1][3:6] == [*bags, str(folder / "bag")]
+    (folder / "orbit.txt").write_text("written\n")
+    (folder / "orbit.omm").write_text("OBJECT_ID = 2003-049A\n")
+    codes.append(0)
+    one.watch.step(T_S, WALL_S)
+    assert one.told[-1] == (f"elements refined from passes up to p5: {place}", True)
+    assert place.read_text() == "OBJECT_ID = 2003-049A\n"

@@ -105,6 +105,7 @@ def test_one_key_reaches_every_node_that_needs_it() -> None:
         (("8.2e3", "8.2e3, bias_model: no.yaml"), 9, "bands.X.bias_model='no.yaml': "),
         (("8.2e3", "8.2e3, bias_model: " + str(STATIONS / "bias_model_dss13_x.yaml")), 9, "is of station 'Goldstone DSS-13'"),
         (("bands:", "default_band: S\nbands:"), 8, "default_band='S' must be one of X"),
+        (("8.2e3", "8.2e3, acquisition_band: X"), 9, "bands.X.acquisition_band='X' must be empty: no band has a lower"),
         (("bands:", "tuning: {conscan.radius: 1}\nbands:"), 8, "did you mean conscan.radius_deg?"),
         (("bands:", "tuning: {conscan: {radius_deg: 99}}\nbands:"), 8, "tuning.conscan.radius_deg=99 must be <= 5.7"),
         (("bands:", "tuning: {mask.clearance_deg: 2}\nbands:"), 8, "is given by mount.horizon_clearance_deg: change it there"),

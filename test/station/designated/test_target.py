@@ -1,6 +1,9 @@
 """The antenna led by reports: nothing before two agree, never to a wrong place, only as certified."""
 
+import json
 import math
+import socket
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -10,7 +13,7 @@ import pytest
 from rf_pointing.core import JointReading
 from rf_pointing.core.pass_outcome import LOSS_OF_SIGNAL
 from rf_pointing.designate import Report
-from rf_pointing.ephemeris import SITES
+from rf_pointing.ephemeris import SITES, Site
 from rf_pointing.planning import AxisLimits, HorizonMask
 from rf_pointing.station.designated.params import DesignateParams
 from rf_pointing.station.designated.target import DesignatedTarget
@@ -264,3 +267,80 @@ def test_two_sources_of_one_target_are_fused() -> None:
     led.target.step(T_S + 9.5)
     assert led.passes[0].name == "designated vehicle"
     assert not led.target.refused
+
+
+def udp_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+        free.bind(("127.0.0.1", 0))
+        return int(free.getsockname()[1])
+
+
+def test_a_sonde_and_a_drone_of_one_vehicle_come_by_udp_and_lead_to_where_it_is() -> None:
+    dialect = pytest.importorskip("pymavlink.dialects.v20.common")
+    sender, ports, now_s = (
+        dialect.MAVLink(None, srcSystem=7, srcComponent=1),
+        (udp_port(), udp_port()),
+        [T_S],
+    )
+    latitude_deg, longitude_deg = (
+        math.degrees(each) for each in (SITE.latitude_rad, SITE.longitude_rad)
+    )
+    passes: list[Any] = []
+    target = DesignatedTarget(
+        DesignateParams(
+            kind="balloon", fused=True, target="vehicle",
+            source=f"sonde:127.0.0.1:{ports[0]} mavlink:127.0.0.1:{ports[1]}",
+        ),
+        SITE, HorizonMask(), lambda found, _: passes.append(found), lambda: now_s[0],
+    )  # fmt: skip
+
+    def place(t_s: float) -> tuple[float, float, float]:
+        """Return latitude, longitude and height: north of the station, rising by 5 m/s."""
+        return latitude_deg + 0.1, longitude_deg, 9000.0 + 5.0 * (t_s - T_S)
+
+    def sonde(t_s: float) -> bytes:
+        north, east, height_m = place(t_s)
+        return json.dumps({
+            "type": "PAYLOAD_SUMMARY", "callsign": "S1", "latitude": north, "longitude": east, "altitude": height_m,
+        }).encode()  # fmt: skip
+
+    def drone(t_s: float) -> bytes:
+        north, east, height_m = place(t_s)
+        rows = round(1e7 * north), round(1e7 * east), round(1e3 * height_m), 0, 0, 0, -500, 0
+        return bytes(sender.global_position_int_encode(0, *rows).pack(sender))
+
+    try:
+        target.step(now_s[0])
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as out:
+            begun_s, number, found = time.monotonic(), 0, None
+            # Reports arrive when the reading threads have had them, so it goes on until 30 s are known.
+            while (found is None or number < 60) and time.monotonic() - begun_s < 60.0:
+                number, now_s[0] = number + 1, now_s[0] + 0.5
+                out.sendto(
+                    b"not JSON" if number == 20 else sonde(now_s[0]), ("127.0.0.1", ports[0])
+                )
+                out.sendto(drone(now_s[0]), ("127.0.0.1", ports[1]))
+                sent_s = time.monotonic()
+                while time.monotonic() - sent_s < 0.05:
+                    target.step(now_s[0])
+                    if target.health(now_s[0]).values.get("report_age_s") == 0.0:
+                        break
+                found = target.target_at(now_s[0])
+        assert passes, target.health(now_s[0])
+        assert passes[0][0].name == "designated vehicle"
+        assert found is not None
+        north, east, height_m = place(now_s[0] + 2.0)
+        away = SITE.axes @ (
+            np.array(Site.from_degrees(north, east, 0.0).position_m) - SITE.position_m
+        )
+        away += SITE.axes @ (height_m * np.array(Site.from_degrees(north, east, 0.0).axes[2]))
+        published, uncertainty = found
+        assert math.remainder(
+            published.azimuth_rad - math.atan2(away[0], away[1]), math.tau
+        ) == pytest.approx(0, abs=2e-3)
+        assert published.elevation_rad == pytest.approx(
+            math.atan2(away[2], math.hypot(*away[:2])), abs=2e-3
+        )
+        assert 0.0 < math.sqrt(np.trace(uncertainty.covariance_rad2)) < 0.05
+    finally:
+        target.end()
