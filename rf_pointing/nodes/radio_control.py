@@ -122,7 +122,7 @@ class RadioControlNode(StationNode):
         self._radio.note("antenna_status", time.monotonic(), **said)
 
     def _on_executive(self, m: ours.ExecutiveStatus) -> None:
-        said = {"shares": m.shares, "executive_inhibit": m.transmit_inhibit}
+        said = {"shares": m.shares, "executive_inhibit": m.partner_inhibit}
         self._radio.note("executive_status", time.monotonic(), **said)
 
     def _on_tracking(self, m: ours.TrackingStatus) -> None:

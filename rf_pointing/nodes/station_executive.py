@@ -26,7 +26,6 @@ from rf_pointing_msgs.srv import ChangeSchedule, Named
 from std_srvs.srv import Trigger
 
 from rf_pointing import __version__
-from rf_pointing.operations.night import NightState
 from rf_pointing.ros import night_messages as messages
 from rf_pointing.ros.convert_planning import scheduled_from_messages
 from rf_pointing.ros.directives import DirectiveSender
@@ -139,10 +138,7 @@ class StationExecutive(StationNode):
 
     def _publish(self, *, ended: bool = False) -> None:
         self._published_wall_s = time.monotonic()
-        status = messages.executive_status_to_message(self.watch.night, self.now_s())
-        status.state = NightState.ENDED if ended else status.state
-        status.shares = bool(self.watch.partners)
-        status.transmit_inhibit = self.watch.transmit_inhibit(self._published_wall_s)
+        status = messages.executive_status_to_message(self.watch, self.now_s(), ended=ended)
         self._send(self._status, status, EXECUTIVE_STATUS)
         if self._goal.lasts:
             self._goal.report(RunSchedule.Feedback(**self.watch.progress()))

@@ -81,14 +81,14 @@ class Partners:
     def _has(self, name: str, state: str, entry: Entry, t_s: float, alive: bool) -> bool:
         first = name < self._antenna
         if entry.state == PassState.ACTIVE:
-            # Of two that have it, after a silence that is over, the first goes on.
+            # After a silence both may have it: the first goes on.
             return alive and first and state == PassState.ACTIVE
         if state == PassState.TRACKED:
             # What has not risen, nobody has tracked.
             return entry.item.aos_t_s <= t_s
         return alive and (state == PassState.ACTIVE or (first and state == PassState.WAITING))
 
-    def transmit_inhibit(self, entry: Entry | None, wall_s: float) -> str:
+    def inhibit(self, entry: Entry | None, wall_s: float) -> str:
         """Return "" or why this antenna must not transmit in `entry`, its pass in work."""
         if entry is None:
             return ""

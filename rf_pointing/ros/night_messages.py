@@ -14,7 +14,7 @@ from std_srvs.srv import Trigger
 
 from rf_pointing.core.dates import parse_utc
 from rf_pointing.operations.alarms import ERROR
-from rf_pointing.operations.night import Night, NightState
+from rf_pointing.operations.night import NightState
 from rf_pointing.operations.schedule import Entry
 from rf_pointing.ros import convert
 from rf_pointing.ros.command_key import CALL_S, INSTANCE, CommandKey, CommandKeyParams
@@ -185,10 +185,12 @@ def schedule_to_message(entries: Iterable[Entry], t_s: float) -> ours.Schedule:
     return message
 
 
-def executive_status_to_message(night: Night, t_s: float) -> ours.ExecutiveStatus:
+def executive_status_to_message(watch: NightWatch, t_s: float, *, ended: bool = False) -> ours.ExecutiveStatus:
+    night = watch.night
     entry, following = night.schedule.active, night.schedule.next()
     message = ours.ExecutiveStatus(
-        state=str(night.state_name), pass_id=night.active_id, target=entry.item.name if entry else "",
+        state=str(NightState.ENDED if ended else night.state_name), shares=bool(watch.partners),
+        partner_inhibit=watch.inhibit(time.monotonic()), pass_id=night.active_id, target=entry.item.name if entry else "",
         blocks=[
             ours.ProcedureBlock(name=name, state=str(run.state), reason=run.reason) for name, run in night.blocks()
         ],

@@ -29,7 +29,7 @@ TRIES = next(each.tries for each in TABLES.recovery.causes if each.name == "latc
 class Station:
     """An antenna and a controller that do what is commanded within seconds, and publish it to the night."""
 
-    procedure, between = TABLES.procedure, BetweenParams()
+    procedure, between, name = TABLES.procedure, BetweenParams(), ""
 
     def __init__(self, *passes: ScheduledPass) -> None:
         self.passes = {item.id: item for item in passes}
@@ -51,7 +51,7 @@ class Station:
     def executive(self) -> Night:
         """Return a night that has just been started, as after its process was killed."""
         self._answers.clear()
-        schedule = Schedule(LIMITS, RATES, self.between)
+        schedule = Schedule(LIMITS, RATES, self.between, self.name)
         told = lambda event, alarm: self.told.append((self.now_s, event, alarm.name))  # noqa: E731
         self.night = Night(schedule, self.procedure, TABLES.recovery, self._send, save=self._save, notify=told)
         return self.night

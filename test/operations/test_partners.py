@@ -7,11 +7,10 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
 
 from rf_pointing.operations import BetweenParams
-from rf_pointing.operations.night import Night
 from rf_pointing.operations.partners import CONTACT_S, Partners
-from rf_pointing.operations.schedule import PassState, Schedule
-from test.operations.test_night import STEP_S, TABLES, Station, two
-from test.operations.test_schedule import LIMITS, RATES, a_pass
+from rf_pointing.operations.schedule import PassState
+from test.operations.test_night import STEP_S, Station, two
+from test.operations.test_schedule import a_pass
 
 SILENT_S = 5.0
 NAMES = ("gs1", "gs2")
@@ -30,13 +29,6 @@ class Partner(Station):
     def forget(self) -> None:
         self.partners = Partners(self.name, [each for each in NAMES if each != self.name], SILENT_S)
 
-    def executive(self) -> Night:
-        self._answers.clear()
-        schedule = Schedule(LIMITS, RATES, self.between, self.name)
-        told = lambda event, alarm: self.told.append((self.now_s, event, alarm.name))  # noqa: E731
-        self.night = Night(schedule, self.procedure, TABLES.recovery, self._send, save=self._save, notify=told)
-        return self.night
-
     @property
     def has(self) -> str:
         active = self.night.schedule.active
@@ -51,7 +43,7 @@ class Partner(Station):
         self.partners.share(self.night, self.now_s, self.now_s)
         self.run(STEP_S)
         active = self.night.schedule.active
-        inhibit = self.partners.transmit_inhibit(active, now_s)
+        inhibit = self.partners.inhibit(active, now_s)
         self.transmitted = bool(active and self.target and not self.fault and not inhibit)
 
 

@@ -128,9 +128,9 @@ class NightWatch:
         """Note what a partner has sent: fields of `Partner`."""
         self._others.take(name, wall_s, self.night.schedule.active, **known)
 
-    def transmit_inhibit(self, wall_s: float) -> str:
+    def inhibit(self, wall_s: float) -> str:
         """Return "" or why the antenna must not transmit in the pass in work."""
-        return self._others.transmit_inhibit(self.night.schedule.active, wall_s)
+        return self._others.inhibit(self.night.schedule.active, wall_s)
 
     def take_rival(self, who: str, *, night: bool, first: bool, wall_s: float) -> None:
         """Note another executive of this antenna: whether it has a `night`, and began `first`."""
