@@ -107,7 +107,7 @@ RPRT_ERRORS = {
 """Codes of rotctld and what they mean, for its client here and for its server."""
 
 
-def refusal(name: str, code: int) -> str:
+def refused_text(name: str, code: int) -> str:
     """Return a refused request with its code and what that means."""
     return f"{name}: RPRT {code} ({RPRT_ERRORS.get(code, 'unknown error')})"
 
@@ -207,7 +207,7 @@ class HamlibProtocol(DeviceProtocol):
     def _end(self, code: int) -> Iterator[Answer]:
         block, fields, self._block, self._fields = self._block, self._fields, "", {}
         if code:
-            yield Answer(REFUSED, refusal(block or "request", code))
+            yield Answer(REFUSED, refused_text(block or "request", code))
         elif block == "get_pos":
             # A line that was lost leaves a position without one of its angles.
             whole = {"Azimuth", "Elevation"} <= set(fields)

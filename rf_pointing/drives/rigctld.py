@@ -17,7 +17,7 @@ from typing import ClassVar
 from rf_pointing.drives import line_server as door
 from rf_pointing.drives.link import KeptLink
 from rf_pointing.drives.params import LinkParams
-from rf_pointing.drives.protocols import LONGEST_LINE, refusal
+from rf_pointing.drives.protocols import LONGEST_LINE, refused_text
 
 KEY_POLL_S = 0.05
 """A rig may be keyed at its microphone: its key is read so often."""
@@ -168,7 +168,7 @@ class Rig:
         (sent, sent_s), code = self._pending.popleft(), int(end[1])
         self._kept.answers()
         if code:
-            self.refused[name] = refusal(sent, code)
+            self.refused[name] = refused_text(sent, code)
             self.losses[f"{name} refused"] += 1
         else:
             self.refused.pop(name, None)

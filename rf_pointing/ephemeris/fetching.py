@@ -297,7 +297,7 @@ def _kept_state(record: Record, kept: str, name: str) -> str:
 
 
 _Answer = tuple[bytes, Record, bool]
-"""Body, the record with what the server said of it, and whether its length was known."""
+"""Body, the record with what the server states of it, and whether its length was known."""
 
 
 def _get(record: Record, timeout_s: float, contents: Contents, question: Question) -> _Answer | None:

@@ -128,7 +128,8 @@ class Sgp4Orbit:
         if not age_s <= self.max_age_s:
             epoch = f"the epoch {utc_text(self.elements.epoch_t_s)} of {self.name}"
             most = f"{self.max_age_s} ({self.max_age_s / DAY_S:.2f} days)"
-            bound = f"must be <= max_age_s={most}; fetch_elements brings newer ones"
+            newer = "; fetch_elements brings newer ones" * bool(np.max(elapsed_s) > self.max_age_s)
+            bound = f"must be <= max_age_s={most}{newer}"
             raise ValueError(f"t_s={np.max(t_s)} is {age_s / DAY_S:.2f} days from {epoch}, {bound}")
 
 

@@ -78,7 +78,7 @@ def restore_integrator(model: PoleResidue, below_hz: float = 0.03) -> PoleResidu
 def summed(model: PoleResidue) -> PoleResidue:
     """Return the model whose output is the sum of that of `model` up to each sample: a pole at 1.
 
-    z / (z - 1) times r / (z - p) is r p / (p - 1) / (z - p) beside r / (1 - p) / (z - 1).
+    z / (z - 1) times r / (z - p) is r p / (p - 1) / (z - p) plus r / (1 - p) / (z - 1).
     """
     poles = np.concatenate([[1.0], model.poles])
     steady = np.sum(model.residues / (1.0 - model.poles)).real + model.direct
