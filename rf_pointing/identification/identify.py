@@ -187,7 +187,7 @@ def high_pass(sequences: ArrayLike, sample_s: float, corner_hz: float, settle_s:
 
 
 def _level(sequences: Array) -> Array:
-    return sequences - np.mean(sequences, axis=1, keepdims=True)
+    return np.asarray(sequences - np.mean(sequences, axis=1, keepdims=True))
 
 
 def _realized(u: Array, y: Array, sample_s: float, params: IdentificationParams) -> tuple[PoleResidue, Array, float]:
