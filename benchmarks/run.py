@@ -57,7 +57,7 @@ MINUTES = (
     "network_plan", "plant_tuning", "receiver_accuracy", "receiver_memory", "scanning_campaigns", "scans",
     "servo_tuning", "strong_carriers", "target_uncertainty", "tuning_trials", "zenith_passes",
 )  # fmt: skip
-PARTS = ("launched_station", "live_night", "night_simulation", "real_station")
+PARTS = ("launched_station", "vendor_antenna", "live_night", "night_simulation", "real_station")
 """Modules of other benchmarks, without a command of their own."""
 STEP_S = 0.05
 
