@@ -18,7 +18,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from rf_pointing.core import AXES, Params, as_finite_array, parameter, require_between, require_choice
 from rf_pointing.core.types import Array
@@ -204,6 +204,10 @@ class IdentificationExperiment:
         return rates
 
 
+MOST_STRETCH = 0.02
+"""Largest share by which a sequence may take longer, or shorter, than its samples say."""
+
+
 class SampleCollector:
     """Samples of one experiment on `axis`: `sequences` of `samples`, `sample_s` apart."""
 
@@ -215,14 +219,15 @@ class SampleCollector:
         self._input = np.zeros((sequences, samples))
         self._encoder = np.zeros((sequences, samples, 2))
         self._received = np.zeros((sequences, samples), dtype=bool)
+        self._t_s = np.full((sequences, samples), np.nan)
 
     @property
     def received(self) -> int:
         """Number of samples taken."""
         return int(np.count_nonzero(self._received))
 
-    def take(self, axis: str, sample: int, rate_rad_s: ArrayLike, position_rad: ArrayLike) -> None:
-        """Take sample number `sample` (from 0): rate command (2,) and encoder angles (2,).
+    def take(self, t_s: float, axis: str, sample: int, rate_rad_s: ArrayLike, position_rad: ArrayLike) -> None:
+        """Take sample number `sample` (from 0) of `t_s`: rate command (2,) and encoder angles (2,).
 
         Raises ValueError for another axis, a number that is outside or was taken before, or a
         non-finite value.
@@ -238,15 +243,33 @@ class SampleCollector:
         rate = as_finite_array("rate_rad_s", rate_rad_s, (2,))
         self._encoder[where] = as_finite_array("position_rad", position_rad, (2,))
         self._input[where] = rate[AXES.index(axis)]
-        self._received[where] = True
+        self._received[where], self._t_s[where] = True, t_s
+
+    def _on_time(self) -> tuple[NDArray[np.bool_], str]:
+        """Return which sequences are on time, and words about the others."""
+        wanted_s, took_s = self._sample_s * (self._t_s.shape[1] - 1), self._t_s[:, -1] - self._t_s[:, 0]
+        late = np.abs(took_s - wanted_s) > MOST_STRETCH * wanted_s
+        words = (
+            f"{np.count_nonzero(late)} of {len(late)} sequences took up to {np.max(took_s[late], initial=0.0):.1f} s, "
+            f"must be {wanted_s:.1f} s within 2 %: the antenna missed ticks, its computer was busy"
+        )
+        return ~late, words if np.any(late) else ""
+
+    @property
+    def late(self) -> str:
+        """Which sequences were not on time, "" if all were."""
+        return self._on_time()[1]
 
     def recording(self) -> tuple[Recording, int]:
-        """Return the complete sequences, and how many samples are missing from the others.
+        """Return the sequences that are complete and on time, and how many samples are missing.
 
-        Raises ValueError if no sequence is complete.
+        Of one that was not on time the frequencies would be wrong.  Raises ValueError if no
+        sequence is left.
         """
-        complete = np.all(self._received, axis=1)
+        on_time, late = self._on_time()
+        complete = np.all(self._received, axis=1) & on_time
         if not np.any(complete):
-            raise ValueError(f"no sequence is complete: {self.received} of {self._received.size} samples taken")
+            taken = f"no sequence is complete: {self.received} of {self._received.size} samples taken"
+            raise ValueError("; ".join(filter(None, (taken, late))))
         missing = int(np.count_nonzero(~self._received))
         return Recording(self._axis, self._sample_s, self._input[complete], self._encoder[complete]), missing

@@ -17,10 +17,7 @@ CONTACT_S = 2.5
 
 @dataclass(frozen=True, slots=True)
 class Partner:
-    """States of a partner's passes by id, whether it has a night, and when it was received.
-
-    `held` is the pass that this antenna had at that time; one that has `ended` takes nothing over.
-    """
+    """A partner's passes by id, and when it was received, while this antenna `held` a pass."""
 
     states: Mapping[str, str] = field(default_factory=dict)
     night: bool = False
@@ -30,17 +27,15 @@ class Partner:
 
 
 class Partners:
-    """The partners `names` of `antenna`; one that is silent for more than `silent_s` is not there.
-
-    Times `wall_s` are of a steady clock.
-    """
+    """The partners `names` of `antenna`, by steady time; one silent for `silent_s` is not there."""
 
     def __init__(self, antenna: str, names: Sequence[str], silent_s: float) -> None:
         self._antenna, self._silent_s = antenna, max(silent_s, 1.5 * CONTACT_S)
         self._known = {name: Partner() for name in names}
 
-    def take(self, name: str, wall_s: float, active: Entry | None, **known: object) -> None:
-        """Note fields of a partner that were received; `active` is the pass in work here."""
+    def take(self, name: str, wall_s: float, mine: Night, **known: object) -> None:
+        """Note fields of a partner that were received in the night of this antenna."""
+        active = mine.schedule.active
         held = active.item.id if active and active.state == PassState.ACTIVE else ""
         fresh = {"seen_s": wall_s, "held": held, "ended": False}
         self._known[name] = replace(self._known[name], **fresh | known)  # type: ignore[arg-type]
@@ -88,9 +83,9 @@ class Partners:
             return entry.item.aos_t_s <= t_s
         return alive and (state == PassState.ACTIVE or (first and state == PassState.WAITING))
 
-    def inhibit(self, entry: Entry | None, wall_s: float) -> str:
-        """Return "" or why this antenna must not transmit in `entry`, its pass in work."""
-        if entry is None:
+    def inhibit(self, night: Night, wall_s: float) -> str:
+        """Return "" or why this antenna must not transmit in the pass of `night` in work."""
+        if (entry := night.schedule.active) is None:
             return ""
         if entry.state == PassState.STANDBY:
             return f"this antenna stands by in pass {entry.item.id}, which a partner has"

@@ -7,7 +7,7 @@ from rf_pointing.core import as_finite_array
 from rf_pointing.core.types import Array
 from rf_pointing.identification import ExcitationParams
 from rf_pointing.ros.convert import pair
-from rf_pointing.ros.stamps import stamp_from_seconds
+from rf_pointing.ros.stamps import seconds_from_stamp, stamp_from_seconds
 
 
 def manual_rate_to_message(
@@ -19,10 +19,11 @@ def manual_rate_to_message(
     return message
 
 
-def manual_rate_from_message(message: ours.ManualRate) -> tuple[str, int, Array, Array]:
-    """Return axis, number of the sample, rate command (2,) and encoder angles (2,)."""
+def manual_rate_from_message(message: ours.ManualRate) -> tuple[float, str, int, Array, Array]:
+    """Return time, axis, number of the sample, rate command (2,) and encoder angles (2,)."""
     rate = as_finite_array("rate", message.rate, (2,))
-    return message.axis, int(message.sample), rate, as_finite_array("position", message.position, (2,))
+    t_s = seconds_from_stamp(message.header.stamp)
+    return t_s, message.axis, int(message.sample), rate, as_finite_array("position", message.position, (2,))
 
 
 # The control period is the antenna's own, not the client's to choose.

@@ -73,6 +73,8 @@ class ExperimentRun(GraphRun):
         with suppress(TimeoutError):
             self.waiting.until(lambda: collector.received >= result.samples_taken, "late samples", LATE_SAMPLES_S)
         recording, missing = collector.recording()
+        if late := collector.late:
+            self.say(f"{axis}: {late}; they are left out")
         if missing:
             self.say(f"{axis}: {missing} samples were lost, {len(recording.input_rad_s)} sequences are complete")
         return recording

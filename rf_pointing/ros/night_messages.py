@@ -112,13 +112,14 @@ def hear_partner(node: ManagedNode, watch: NightWatch, key: CommandKey, name: st
 
     def on_schedule(message: ours.Schedule) -> None:
         check(message, SCHEDULE)
-        watch.take_partner(name, time.monotonic(), states={each.id: each.state for each in message.passes})
+        watch.others.take(name, time.monotonic(), watch.night, states={each.id: each.state for each in message.passes})
 
     def on_status(message: ours.ExecutiveStatus) -> None:
         if (age_s := node.now_s() - check(message, EXECUTIVE_STATUS)) > CALL_S:
             raise ValueError(f"it is {age_s:.1f} s old, must be <= {CALL_S:.0f} s")
         ended = message.state == NightState.ENDED
-        watch.take_partner(name, time.monotonic(), night=not ended and message.state != NightState.IDLE, ended=ended)
+        runs = not ended and message.state != NightState.IDLE
+        watch.others.take(name, time.monotonic(), watch.night, night=runs, ended=ended)
 
     node.listen(ours.Schedule, f"/{name}/{SCHEDULE}", on_schedule, LATCHED)
     node.listen(ours.ExecutiveStatus, f"/{name}/{EXECUTIVE_STATUS}", on_status, STATUS)
@@ -190,7 +191,8 @@ def executive_status_to_message(watch: NightWatch, t_s: float, *, ended: bool = 
     entry, following = night.schedule.active, night.schedule.next()
     message = ours.ExecutiveStatus(
         state=str(NightState.ENDED if ended else night.state_name), shares=bool(watch.partners),
-        partner_inhibit=watch.inhibit(time.monotonic()), pass_id=night.active_id, target=entry.item.name if entry else "",
+        partner_inhibit=watch.others.inhibit(night, time.monotonic()),
+        pass_id=night.active_id, target=entry.item.name if entry else "",
         blocks=[
             ours.ProcedureBlock(name=name, state=str(run.state), reason=run.reason) for name, run in night.blocks()
         ],

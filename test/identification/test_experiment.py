@@ -190,18 +190,20 @@ def test_the_other_axis_runs_at_the_idle_rate_while_the_experiment_lasts() -> No
     np.testing.assert_array_equal(run.command((0.3, 0.8)), 0.0)
 
 
-def filled(skip: tuple[int, ...] = ()) -> SampleCollector:
+def filled(skip: tuple[int, ...] = (), missed: tuple[int, ...] = ()) -> SampleCollector:
+    """Return three sequences of four samples; before each of `missed` a tick was missed."""
     collector = SampleCollector("elevation", 3, 4, 0.02)
     for sample in range(12):
         if sample not in skip:
-            collector.take("elevation", sample, (0.0, 0.1 * sample), (sample, 2.0 * sample))
+            t_s = 1.8e9 + 0.02 * (sample + sum(each <= sample for each in missed))
+            collector.take(t_s, "elevation", sample, (0.0, 0.1 * sample), (sample, 2.0 * sample))
     return collector
 
 
 def test_samples_take_their_places_in_any_order() -> None:
     collector = SampleCollector("azimuth", 2, 3, 0.02)
     for sample in (3, 1, 0, 5, 2, 4):
-        collector.take("azimuth", sample, (float(sample), 0.0), (10.0 + sample, 20.0 + sample))
+        collector.take(0.02 * sample, "azimuth", sample, (float(sample), 0.0), (10.0 + sample, 20.0 + sample))
     recording, missing = collector.recording()
     assert missing == 0
     np.testing.assert_array_equal(recording.input_rad_s, [[0.0, 1.0, 2.0], [3.0, 4.0, 5.0]])
@@ -212,6 +214,19 @@ def test_a_lost_sample_costs_its_sequence_and_no_other() -> None:
     recording, missing = filled(skip=(5, 6)).recording()
     assert missing == 2
     np.testing.assert_allclose(recording.input_rad_s, [[0.0, 0.1, 0.2, 0.3], [0.8, 0.9, 1.0, 1.1]])
+
+
+def test_a_sequence_in_which_ticks_were_missed_is_left_out_by_name() -> None:
+    """Its frequencies would be lower than those of the mount."""
+    collector = filled(missed=(4, 6))
+    assert collector.late == (
+        "1 of 3 sequences took up to 0.1 s, must be 0.1 s within 2 %: the antenna missed ticks, its computer was busy"
+    )
+    recording, missing = collector.recording()
+    assert (missing, recording.input_rad_s.tolist()) == (0, filled(skip=(4,)).recording()[0].input_rad_s.tolist())
+    with pytest.raises(ValueError, match="no sequence is complete: 12 of 12 samples taken; 3 of 3 sequences took"):
+        filled(missed=(1, 6, 9)).recording()
+    assert filled(missed=(4, 8)).late == "", "between two sequences nothing is measured"
 
 
 @pytest.mark.parametrize(
@@ -246,5 +261,5 @@ def test_without_a_complete_sequence_there_is_no_recording() -> None:
 def test_a_sample_that_does_not_belong_is_refused_and_not_counted(sample: tuple, words: str) -> None:
     collector = filled(skip=(5,))
     with pytest.raises(ValueError, match=words):
-        collector.take(*sample)
+        collector.take(0.1, *sample)
     assert collector.received == 11

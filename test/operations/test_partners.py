@@ -43,7 +43,7 @@ class Partner(Station):
         self.partners.share(self.night, self.now_s, self.now_s)
         self.run(STEP_S)
         active = self.night.schedule.active
-        inhibit = self.partners.inhibit(active, now_s)
+        inhibit = self.partners.inhibit(self.night, now_s)
         self.transmitted = bool(active and self.target and not self.fault and not inhibit)
 
 
@@ -61,8 +61,8 @@ class TwoAntennas(RuleBasedStateMachine):
             for me, other in (self.both, self.both[::-1]):
                 if self.linked and me.died_s is None and other.died_s is None:
                     rows = {each.item.id: str(each.state) for each in me.night.schedule.in_order}
-                    active, finished = other.night.schedule.active, me.night.finished
-                    other.partners.take(me.name, self.now_s, active, states=rows, night=not finished)
+                    runs = not me.night.finished
+                    other.partners.take(me.name, self.now_s, other.night, states=rows, night=runs)
             for each in self.both:
                 each.step(self.now_s)
             transmit = [each.name for each in self.both if each.transmitted]

@@ -13,6 +13,7 @@ from rf_pointing_msgs.msg import ManualRate
 from rf_pointing.identification import ExcitationParams
 from rf_pointing.ros.experiment_run import EndedEarlyError, ExperimentRun
 from rf_pointing.ros.managed_graph import NotStartedError
+from rf_pointing.ros.stamps import stamp_from_seconds
 from test.ros.fake_station import FakeStation, fake
 
 __all__ = ["fake"]
@@ -34,6 +35,7 @@ def run_of() -> ExperimentRun:
 
 def sample(fake: FakeStation, number: int, axis: str = "elevation") -> None:
     message = ManualRate(axis=axis, sample=number, rate=(1e-4, 1e-6 * number), position=(0.1, 0.001 * number))
+    message.header.stamp = stamp_from_seconds(1.8e9 + PARAMS.sample_s * number)
     fake.publish(0.5 if number % 2 else 0.6, "manual_rate", message)
 
 

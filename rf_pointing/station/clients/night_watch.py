@@ -91,7 +91,7 @@ class NightWatch:
         self._memory, self._ready_to_keep = KeptState(own.state_file), False
         self._t_s = 0.0
         self._report, self._judged = "", 0
-        self._others = Partners(antenna, self.partners, alarms.node_silent_s)
+        self.others = Partners(antenna, self.partners, alarms.node_silent_s)
         self._rivals: dict[str, tuple[bool, float]] = {}
         self._steered_by = ""
         self._unrefined: list[tuple[str, str]] = []
@@ -123,14 +123,6 @@ class NightWatch:
         self.folder.end_record()
 
     # What is known
-
-    def take_partner(self, name: str, wall_s: float, **known: object) -> None:
-        """Note what a partner has sent: fields of `Partner`."""
-        self._others.take(name, wall_s, self.night.schedule.active, **known)
-
-    def inhibit(self, wall_s: float) -> str:
-        """Return "" or why the antenna must not transmit in the pass in work."""
-        return self._others.inhibit(self.night.schedule.active, wall_s)
 
     def take_rival(self, who: str, *, night: bool, first: bool, wall_s: float) -> None:
         """Note another executive of this antenna: whether it has a `night`, and began `first`."""
@@ -179,7 +171,7 @@ class NightWatch:
         """Do what is due; return whether the night has just ended, with its morning report."""
         self.poll(t_s)
         self._observe(t_s, wall_s)
-        self._others.share(self.night, t_s, wall_s)
+        self.others.share(self.night, t_s, wall_s)
         before = self.night.state_name
         if self._stand_aside(wall_s):
             return False

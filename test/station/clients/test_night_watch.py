@@ -149,8 +149,8 @@ def test_the_first_by_name_leaves_what_has_begun_the_second_all_and_the_living_o
     one.watch.change(listed(600.0, 600.0, -60.0, 600.0, 600.0), [], T_S)
     # p3 has not risen: nobody can have tracked it; p9 is in no list.
     said = {"p0": "waiting", "p1": "active", "p2": "tracked", "p3": "tracked", "p4": "yields", "p9": "tracked"}
-    one.watch.take_partner(other, WALL_S - 99.0, states=said)
-    one.watch.take_partner(other, WALL_S - silent_s, night=True)
+    one.watch.others.take(other, WALL_S - 99.0, one.night, states=said)
+    one.watch.others.take(other, WALL_S - silent_s, one.night, night=True)
     one.step()
     assert one.night.taken == taken
 
