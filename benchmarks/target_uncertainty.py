@@ -99,7 +99,7 @@ def acquired(
     """Return the seconds held and those promised of a pass, None where it is refused.
 
     It is flown from a minute before its rise, the antenna on its start, until the target was held for
-    `SETTLED_S`; the rest is then taken for held, as passes that are flown whole show.
+    `SETTLED_S`; the rest is then taken for held (--whole flies it).
     """
     chosen = station.certificate(one).chosen
     if chosen is None:

@@ -63,7 +63,7 @@ class DeterminedOrbit:
 
     @property
     def reason_not_better(self) -> str:
-        """Why the prediction is no better than that of the old elements, "" if it is.
+        """Where the prediction falls short of that of the old elements, "" if it is better.
 
         Their errors are those of the law of elements.  Passes that do not agree within what is
         known of their noise and biases have given no orbit at all.

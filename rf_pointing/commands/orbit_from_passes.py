@@ -6,8 +6,8 @@ Input: rosbag2 recordings, CCSDS TDM and CSV of raw tracking, of one satellite a
 It writes STEM.oem, states with covariances from the first pass to --hours after the last, and
 STEM.omm, refined elements; `track --elements` flies either.
 
-Exit code 0: the orbit was determined; 1: with --if-better it was, and is no better than the
-elements; 2: it was not.  With 1 and 2 nothing is written.
+Exit code 0: the orbit was determined; 1: with --if-better it was, but the elements predict
+at least as well; 2: it was not.  With 1 and 2 nothing is written.
 """
 
 import argparse

@@ -1,7 +1,7 @@
 """Antennas that share one list of passes: who has a pass, who takes it over, and who may transmit.
 
 An antenna takes over what a partner that falls silent has begun.  It transmits only in a pass that
-no partner can have: the one that had it stops to transmit at the silence, before the other begins.
+no partner can have: the one that had it stops transmitting at the silence, before the other begins.
 """
 
 import math
@@ -17,7 +17,10 @@ CONTACT_S = 2.5
 
 @dataclass(frozen=True, slots=True)
 class Partner:
-    """A partner's passes by id, and when it was received, while this antenna `held` a pass."""
+    """States of a partner's passes by id, whether it has a `night`, and when it was received.
+
+    `held` is the pass that this antenna had at that time; one that has `ended` takes nothing over.
+    """
 
     states: Mapping[str, str] = field(default_factory=dict)
     night: bool = False
@@ -30,7 +33,8 @@ class Partners:
     """The partners `names` of `antenna`, by steady time; one silent for `silent_s` is not there."""
 
     def __init__(self, antenna: str, names: Sequence[str], silent_s: float) -> None:
-        self._antenna, self._silent_s = antenna, max(silent_s, 1.5 * CONTACT_S)
+        # Both send once a second, and the inhibit goes out with that: what is left is the margin.
+        self._antenna, self._silent_s = antenna, max(silent_s, 2.0 * CONTACT_S)
         self._known = {name: Partner() for name in names}
 
     def take(self, name: str, wall_s: float, mine: Night, **known: object) -> None:
@@ -59,8 +63,7 @@ class Partners:
         """Leave to the partners what they have at UTC `t_s`."""
         night.shared = self.present(wall_s)
         night.take("partner", {"silent": self.silent(wall_s)}, t_s)
-        taken = self._taken(night.schedule.entries, t_s, wall_s)
-        if taken != night.taken:
+        if (taken := self._taken(night.schedule.entries, t_s, wall_s)) != night.taken:
             night.taken = taken
             night.change(t_s)
 
@@ -100,5 +103,5 @@ class Partners:
         if silence_s <= CONTACT_S:
             # It must have been received since this antenna has the pass: both may have taken it.
             return state == PassState.ACTIVE or not known
-        # One that had it, and from which it was taken over, has stopped to transmit long before.
+        # One that had it, and from which it was taken over, has stopped transmitting long before.
         return not (state == PassState.ACTIVE and not known and silence_s > self._silent_s)

@@ -61,8 +61,7 @@ class TwoAntennas(RuleBasedStateMachine):
             for me, other in (self.both, self.both[::-1]):
                 if self.linked and me.died_s is None and other.died_s is None:
                     rows = {each.item.id: str(each.state) for each in me.night.schedule.in_order}
-                    runs = not me.night.finished
-                    other.partners.take(me.name, self.now_s, other.night, states=rows, night=runs)
+                    other.partners.take(me.name, self.now_s, other.night, states=rows, night=not me.night.finished)
             for each in self.both:
                 each.step(self.now_s)
             transmit = [each.name for each in self.both if each.transmitted]

@@ -14,13 +14,12 @@ import serial
 from rf_pointing.core import Mode, Params, parameter
 from rf_pointing.core.kinematics import LEVEL, Kinematics
 from rf_pointing.core.types import Pair
+from rf_pointing.operations.partners import CONTACT_S
 from rf_pointing.planning.forbidden_sky import ForbiddenSky
 from rf_pointing.station.description.content import RadioSection
 
 AGAIN_S = 1.0
 """A line is set again after so long, whoever else has set it."""
-PARTNER_S = 2.5
-"""Longest silence of an executive that shares its passes; partners take over after more."""
 NOT_ON_TARGET = (Mode.IDLE, Mode.SLEW, Mode.SEARCH, Mode.CALIBRATE)
 
 
@@ -83,10 +82,8 @@ class TransmitRules:
         if antenna.fault or antenna.inhibit:
             return antenna.inhibit or f"antenna fault: {antenna.fault}"
         if antenna.shares:
-            silence_s = wall_s - antenna.heard_s["executive_status"]
-            silent = "station_executive is silent, and a partner may transmit" * (
-                silence_s > PARTNER_S
-            )
+            late = wall_s - antenna.heard_s["executive_status"] > CONTACT_S
+            silent = "station_executive is silent: a partner may transmit" if late else ""
             if reason := silent or antenna.executive_inhibit:
                 return reason
         if antenna.mode in NOT_ON_TARGET:

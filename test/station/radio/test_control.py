@@ -14,6 +14,7 @@ from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
 from rf_pointing.core.kinematics import Kinematics
 from rf_pointing.drives.line_server import INVALID, IO_ERROR, REJECTED, Inquiry, Order
 from rf_pointing.drives.rigctld import RECEIVE, TRANSMIT, RadioView
+from rf_pointing.operations.partners import CONTACT_S
 from rf_pointing.planning.forbidden_sky import ForbiddenSky
 from rf_pointing.planning.horizon import HorizonMask
 from rf_pointing.station.description import read_station
@@ -197,7 +198,7 @@ REASONS: dict[str, tuple[Callable[[Station], object], str]] = {
     "sector over the top": (lambda s: setattr(s, "axes", (210.0, 172.0)), "EIRP 26 dBW exceeds 20 dBW"),
     "silent antenna": (lambda s: s.silent.add("antenna_status"), "antenna_servo is silent"),
     "a partner": (lambda s: setattr(s, "partner", "gs1 has pass 7"), "gs1 has pass 7"),
-    "silent executive": (lambda s: s.silent.add("executive_status"), "station_executive is silent, and a partner may transmit"),
+    "silent executive": (lambda s: s.silent.add("executive_status"), "station_executive is silent: a partner may transmit"),
     "silent joints": (lambda s: s.silent.add("joint_states"), "antenna_servo (joint_states) is silent"),
     "silent controller": (lambda s: s.silent.add("tracking_status"), "pointing_controller is silent"),
     "rig": (lambda s: setattr(s.transmitter, "problem", "rigctld at localhost:4542: gone"), "rigctld at localhost:4542: gone"),
@@ -219,7 +220,7 @@ def test_every_reason_refuses_the_key_and_unkeys_within_100_ms_of_its_message(
         station.step()
         took_s += 0.02
     # What is silent is missed after its silence.
-    silence_s = {"silent executive": 2.5}.get(name, 0.5 * name.startswith("silent"))
+    silence_s = {"silent executive": CONTACT_S}.get(name, 0.5 * name.startswith("silent"))
     assert took_s <= silence_s + 0.06
     assert words in station.radio.reason
     assert station.order("set_ptt", 1.0) == REJECTED
