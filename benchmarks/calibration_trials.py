@@ -72,6 +72,8 @@ PLANTED = {"rad": 60.0 * MDEG, "s": 0.5, "s^2": 0.3}
 NOISE_RAD, CORRELATION_S = 4.0 * MDEG, 4.0
 # At 88.8 deg the azimuth turns by a radian in 2 s: differences of samples a second apart were 3 mdeg off.
 STENCIL_S = 0.2
+# No mount records what it cannot follow: the azimuth of the fastest station that ships.
+FASTEST_RAD_S = np.radians(6.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,6 +185,7 @@ def campaign(
 def seen_of(elements: Elements, track: TopocentricTrack, first_s: float, last_s: float, rate_hz: float) -> Seen:
     """Return one pass."""
     times = np.arange(np.ceil(first_s), last_s, 1.0 / rate_hz)
+    times = times[np.abs(ReferenceTrack.of(track.sample(times)).motion()[2]) <= FASTEST_RAD_S]
     look = track.sample(times)
     at = ReferenceTrack.of(look)
     around = (times + STENCIL_S * np.array([[-1.0], [0.0], [1.0]])).ravel()

@@ -9,7 +9,7 @@ again after 0.5 s, as a launch file does.  --busy processes compute meanwhile.
 
 A second of a pass is lost while the axes are more than half the beamwidth from the satellite, or
 have not been received for 1 s.  A fault, which for a killed node lasts until it is active again, may
-cost itself and 10 s more, one that has moved the device its way back at 6 deg/s too.  Every other
+cost itself and 10 s more, one of the device its way back at 6 deg/s too.  Every other
 lost second, a node that ends by itself, an outage of the device which nobody has reported within
 the 10 min in which an alarm is not repeated, and more than six messages about one fault fail the
 soak (exit 1).
@@ -184,7 +184,7 @@ class Soak:
         self.station.device.signal(signal.SIGSTOP)
         self.spin(self.random.uniform(*BLOCK_S))
         self.station.device.signal(signal.SIGCONT)
-        return 0.0
+        return self._way_s(np.array(self.station.axes[-1][1:]), self.station.axes[-1][1])
 
     def _out(self) -> float:
         device, axes = self.station.device, self.station.axes
@@ -262,7 +262,8 @@ class Soak:
                   f"{fault.recovered_s:>19.1f}{fault.said:>6}  {fault.words[:90]}")  # fmt: skip
             if fault.said > MOST_SAID:
                 wrong.append(f"{fault.begin_s:.1f} s: {fault.what}: reported {fault.said} times, at most {MOST_SAID}")
-            told = any(0.0 <= fault.until_s - when_s < QUIET_S and "drive" in words for when_s, words in self.told)
+            quiet_s = fault.begin_s + LOST_S - QUIET_S
+            told = any(quiet_s < when_s <= fault.until_s and "drive" in words for when_s, words in self.told)
             if fault.what.startswith("device") and lasted_s > LOST_S and not told:
                 wrong.append(f"{fault.begin_s:.1f} s: {fault.what} for {lasted_s:.1f} s: it was not reported")
         unexcused = at[bad & ~excused]

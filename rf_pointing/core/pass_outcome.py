@@ -30,6 +30,8 @@ LEAST_SHARE = 0.8
 # Why a pass ends that was not interrupted.
 LOSS_OF_SIGNAL = "loss of signal"
 SCANNED = "the scan is complete"
+# The prefix that the controller gives to what the antenna publishes.
+OF_ANTENNA = "antenna fault: "
 
 
 def gaussian_gain(error_rad: ArrayLike, beamwidth_rad: ArrayLike) -> NDArray[np.float64]:

@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from enum import StrEnum
 from typing import Any
 
-from rf_pointing.core.pass_outcome import LEAST_SHARE, LOSS_OF_SIGNAL
+from rf_pointing.core.pass_outcome import LEAST_SHARE, LOSS_OF_SIGNAL, OF_ANTENNA
 from rf_pointing.core.types import Pair
 from rf_pointing.operations.alarms import Alarm, AlarmBook
 from rf_pointing.operations.executor import BlockRun, BlockState, Executor, JournalEntry, block_text
@@ -27,6 +27,8 @@ Send = Callable[[int, str, dict[str, Any]], None]
 REPLAN_S = 60.0
 RETRY_S = 5.0
 """Wait after an attempt that tracked less than `REJOIN_S`; as much more after each further one."""
+EXPLAINED = 0.2
+"""An attempt that a fault of the antenna ended counts as so much of one."""
 REJOIN_S = 10.0
 """Least time left of a pass in work for another attempt."""
 PATIENCE_S = 60.0
@@ -351,21 +353,22 @@ class Night:
         """Try a pass again once what stopped it has gone, as long as enough of it is left."""
         if work.failed_s is None:
             work.failed_s = now_s
-            work.fruitless = 0 if work.counted[0] >= REJOIN_S else work.fruitless + 1
+            refused = self.expected_state.value("track.refused") or ""
+            # A fault with an alarm of its own says nothing about this pass.
+            faulty = self.expected_state.value("antenna.fault") or refused.startswith(OF_ANTENNA)
+            explained = effect != "continue" or faulty
+            work.fruitless = 0 if work.counted[0] >= REJOIN_S else work.fruitless + (EXPLAINED if explained else 1.0)
             work.reasons.append(failed)
             work.count()
             self._note(now_s, work.id, "attempt failed", failed)
-            # A fault with an alarm of its own says nothing about this pass.
-            explained = effect != "continue" or self.expected_state.value("antenna.fault")
-            refused = "" if explained else self.expected_state.value("track.refused") or ""
-            self.take("pass", {"refused": refused}, now_s)
+            self.take("pass", {"refused": "" if explained else refused}, now_s)
             self._save()
         too_late = entry.item.los_t_s - now_s < REJOIN_S
         if too_late or self.state_name == NightState.STOPPING:
             self._close(work, entry, cause or failed if too_late else failed, now_s)
             return
         held_up = effect != "continue" or self.state_name != NightState.RUNNING or self._action is not None
-        if held_up or not self._seen(now_s) or now_s - work.failed_s < RETRY_S * min(6, work.fruitless):
+        if held_up or not self._seen(now_s) or now_s - work.failed_s < RETRY_S * min(6.0, work.fruitless):
             return
         if self._busy:
             # What is left of the attempt before would refuse the next one.

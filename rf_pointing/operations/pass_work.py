@@ -50,7 +50,7 @@ class PassWork:
     begun_s: float
     number: int = 1
     failed_s: float | None = None
-    fruitless: int = 0
+    fruitless: float = 0.0
     """Attempts in a row that have tracked next to nothing."""
     reasons: list[str] = field(default_factory=list)
     received_s: float = 0.0

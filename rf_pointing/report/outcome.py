@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rf_pointing.core.pass_outcome import LEAST_SHARE, LOSS_OF_SIGNAL, PassOutcome
+from rf_pointing.core.pass_outcome import LEAST_SHARE, LOSS_OF_SIGNAL, OF_ANTENNA, PassOutcome
 from rf_pointing.core.types import IntArray
 from rf_pointing.core.whole_file import parse_json, read_whole
 from rf_pointing.report.analysis import Analysis
@@ -20,8 +20,6 @@ from rf_pointing.report.topics import TopicData
 
 # Nothing says why the pass ended: the controller was killed, or the recording is cut short.
 CUT_SHORT = "the recording ends before the loss of signal"
-# The prefix that the controller gives to what the antenna publishes.
-OF_ANTENNA = "antenna fault: "
 ERROR_LEVEL = 2
 
 

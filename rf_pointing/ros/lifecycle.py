@@ -46,7 +46,7 @@ class Schedule:
     """The times at which periodic work is due: the whole multiples of `period_s` after `start_s`.
 
     The work is done once for every instant of the grid, in order; where nothing `catches_up`, once
-    at the present time for all that are due.  A gap of more than `longest_gap_s` starts a new grid.
+    at the present time when the timer fires, not again before half a period has passed.  A gap of more than `longest_gap_s` starts a new grid.
     It is a jump of the clock, unless a steady clock has gone on as far: then the process itself has
     stalled.  A smaller step of the clock is known by the steady clock too (`stepped_s`).
     `steady_s` is the time of a clock that nobody sets, None where time is simulated.
@@ -62,6 +62,7 @@ class Schedule:
         self.longest_gap_s = max(LONGEST_GAP_S, 2.0 * period_s)
         self._origin_s, self._count = self._on_grid(start_s), 1
         self._steady_s, self._ahead_s = steady_s, None if steady_s is None else start_s - steady_s
+        self._done_s = -math.inf
         self.jumped_s = self.stalled_s = self.stepped_s = 0.0
 
     def due(self, now_s: float, steady_s: float | None = None) -> list[float]:
@@ -84,15 +85,15 @@ class Schedule:
         while self._next_s <= now_s + ROUNDING * self._period_s:
             times.append(self._next_s)
             self._count += 1
+        if not self._catches_up and steady_s is not None:
+            # The timer has a phase of its own: on the grid, half of all phases would lose every second tick.
+            times = [now_s] if steady_s - self._done_s >= 0.5 * self._period_s else []
         if times and steady_s is not None:
+            self._done_s = steady_s
             before, self._ahead_s = self._ahead_s, now_s - steady_s
             stepped_s = 0.0 if before is None else self._ahead_s - before
             self.stepped_s = stepped_s if abs(stepped_s) > STEP_S else 0.0
-        if self._catches_up or not times:
-            return times
-        # Not again before half a period has passed: a device gets one tick for all that it missed.
-        self._count += self._next_s - now_s < 0.5 * self._period_s
-        return [max(now_s, times[-1])]
+        return times if self._catches_up or not times else [max(now_s, times[-1])]
 
     def _on_grid(self, t_s: float) -> float:
         return math.floor(t_s / self._period_s + ROUNDING) * self._period_s

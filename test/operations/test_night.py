@@ -449,6 +449,17 @@ def test_a_drive_that_is_away_for_ten_minutes_costs_the_pass_under_it_and_is_two
     assert lost.causes[0] == "lost_drive since 00:18:24: the drive is lost: Connection refused"
 
 
+def test_a_goal_that_a_passing_fault_of_the_antenna_refuses_is_sent_again_at_once() -> None:
+    station = Station(*two())
+    station.run(980.0)
+    station.refuses = "antenna fault: drive lost: no position for 1.1 s, at most 1.0 s"
+    station.run(15.0)
+    station.refuses = ""
+    station.run(2.0)
+    assert station.target
+    assert not station.told, "the antenna reports its fault itself"
+
+
 def test_what_the_next_pass_lacks_is_told_15_and_5_minutes_before_it_and_when_it_rises_and_it_is_joined() -> None:
     """The drive was off when the station was started: nothing was ever heard of the antenna."""
     station = Station(*two())

@@ -293,6 +293,14 @@ def test_a_device_gets_one_tick_at_the_present_time_for_all_that_were_missed() -
     assert all(b - a >= 0.5 * 0.02 for a, b in pairwise(done))
 
 
+@given(st.floats(0.0, 1.0), st.lists(st.floats(-0.2, 0.2), min_size=3, max_size=40))
+def test_a_device_gets_a_tick_whenever_its_timer_fires_whatever_the_phase(phase: float, jitter: list[float]) -> None:
+    schedule = Schedule(0.0, 0.02, 50.0, catches_up=False)
+    for number, late in enumerate(jitter, 1):
+        now_s = 0.02 * (number + phase + late)
+        assert schedule.due(now_s, 50.0 + now_s) == [now_s]
+
+
 def test_a_first_tick_long_after_the_activation_is_a_stall() -> None:
     schedule = Schedule(100.0, 0.02, 50.0)
     schedule.due(100.7, 50.7)

@@ -23,6 +23,7 @@ import numpy as np
 
 from rf_pointing.core import AXES, JointReading, Params, angular_distance_rad, parameter
 from rf_pointing.core.angles import separation_rad
+from rf_pointing.core.pass_outcome import OF_ANTENNA
 from rf_pointing.core.modes import antenna_is
 from rf_pointing.core.signals import TimeBuffer
 from rf_pointing.core.types import Array
@@ -130,7 +131,7 @@ class AntennaWatch:
         count = self.state.settle_count + 1 if within else 0
         self._settled = self._settled or count >= self.params.settle_periods
         doubt = f"joint_states has been silent for {age_s:.1f} s" if silent else ""
-        fault = f"antenna fault: {self.fault}" if self.fault else ""
+        fault = OF_ANTENNA + self.fault if self.fault else ""
         if silent and age_s > self.params.patience_s:
             fault = fault or f"{doubt}, at most {self.params.patience_s:.1f} s"
         if silent or self.mode not in FOLLOWING:

@@ -22,7 +22,7 @@ import numpy as np
 from rf_pointing.calibration import BiasModel
 from rf_pointing.core import JointReading, JointTrajectory, Mode, PointingError, Sensor, Target, require_choice
 from rf_pointing.core.kinematics import LEVEL
-from rf_pointing.core.pass_outcome import LOSS_OF_SIGNAL, SCANNED
+from rf_pointing.core.pass_outcome import LOSS_OF_SIGNAL, OF_ANTENNA, SCANNED
 from rf_pointing.ephemeris import Pass
 from rf_pointing.ephemeris.solar import SolarDirection, SunPermit
 from rf_pointing.planning import PassProfile, SensorCost
@@ -593,8 +593,8 @@ class PointingController:
         """Return how bad things are, and why, in the words for /diagnostics."""
         if window is None:
             # A fault of the antenna ends with its reset, one of the watch with the next pass.
-            own = "" if self.statistics.fault.startswith("antenna fault") else self.statistics.fault
-            fault = f"antenna fault: {self.antenna.fault}" if self.antenna.fault else own
+            own = "" if self.statistics.fault.startswith(OF_ANTENNA) else self.statistics.fault
+            fault = OF_ANTENNA + self.antenna.fault if self.antenna.fault else own
             return (Level.ERROR, fault) if fault else (Level.OK, "")
         if axes.fault or axes.doubt:
             return Level.ERROR, axes.fault or axes.doubt

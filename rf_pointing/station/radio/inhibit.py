@@ -13,6 +13,7 @@ import serial
 
 from rf_pointing.core import Mode, Params, parameter
 from rf_pointing.core.kinematics import LEVEL, Kinematics
+from rf_pointing.core.pass_outcome import OF_ANTENNA
 from rf_pointing.core.types import Pair
 from rf_pointing.operations.partners import CONTACT_S
 from rf_pointing.planning.forbidden_sky import ForbiddenSky
@@ -80,7 +81,7 @@ class TransmitRules:
             if wall_s - antenna.heard_s.get(topic, -math.inf) > self._params.silence_s:
                 return f"{name} is silent"
         if antenna.fault or antenna.inhibit:
-            return antenna.inhibit or f"antenna fault: {antenna.fault}"
+            return antenna.inhibit or OF_ANTENNA + antenna.fault
         if antenna.shares:
             late = wall_s - antenna.heard_s["executive_status"] > CONTACT_S
             silent = "station_executive is silent: a partner may transmit" if late else ""

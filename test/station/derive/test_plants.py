@@ -155,7 +155,9 @@ def flown(late: float, random: np.random.Generator) -> tuple[str, float]:
     assert loop.proportional_gain**2 * loop.drive_lag_s * math.radians(rate) <= 0.6 * math.radians(acceleration) + 1e-9
     assert loop.integral_gain == pytest.approx(0.25 * loop.proportional_gain**2)
     lag_s = 1.0 / plant.drive_bandwidth_rad_s
-    drive = LateDrive(rate, acceleration, latency_s, late * latency_s, late * lag_s)
+    # A device with a clock of its own takes a command at its next tick, and is read at the next one of ours.
+    dead_s = late * latency_s + TICK_S * int(random.integers(0, 3))
+    drive = LateDrive(rate, acceleration, latency_s, dead_s, late * lag_s)
     antenna, t_s = DriveAntenna(params, drive, 0.0), 0.0
     antenna.enable()
     # Without a time at full rate the acceleration turns round at once: the hardest for the watches.
