@@ -46,7 +46,8 @@ class Schedule:
     """The times at which periodic work is due: the whole multiples of `period_s` after `start_s`.
 
     The work is done once for every instant of the grid, in order; where nothing `catches_up`, once
-    at the present time when the timer fires, not again before half a period has passed.  A gap of more than `longest_gap_s` starts a new grid.
+    at the present time when the timer fires, not again before half a period has passed.  A gap of
+    more than `longest_gap_s` starts a new grid.
     It is a jump of the clock, unless a steady clock has gone on as far: then the process itself has
     stalled.  A smaller step of the clock is known by the steady clock too (`stepped_s`).
     `steady_s` is the time of a clock that nobody sets, None where time is simulated.
@@ -86,7 +87,7 @@ class Schedule:
             times.append(self._next_s)
             self._count += 1
         if not self._catches_up and steady_s is not None:
-            # The timer has a phase of its own: on the grid, half of all phases would lose every second tick.
+            # The timer has a phase of its own: on the grid half of them lose every other tick.
             times = [now_s] if steady_s - self._done_s >= 0.5 * self._period_s else []
         if times and steady_s is not None:
             self._done_s = steady_s

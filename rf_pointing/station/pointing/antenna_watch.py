@@ -23,8 +23,8 @@ import numpy as np
 
 from rf_pointing.core import AXES, JointReading, Params, angular_distance_rad, parameter
 from rf_pointing.core.angles import separation_rad
-from rf_pointing.core.pass_outcome import OF_ANTENNA
 from rf_pointing.core.modes import antenna_is
+from rf_pointing.core.pass_outcome import OF_ANTENNA
 from rf_pointing.core.signals import TimeBuffer
 from rf_pointing.core.types import Array
 
