@@ -19,7 +19,7 @@ from rf_pointing.core.signals import BASE
 from rf_pointing.core.types import Pair
 from rf_pointing.drives import Capabilities, Drive, DriveParams, DriveReading, make_drive
 from rf_pointing.drives.drive import POSITION, RATE
-from rf_pointing.ros.qos import INSTRUMENT, LATCHED, SET_POINT
+from rf_pointing.ros.qos import LATCHED, NEWEST, SET_POINT
 from rf_pointing.ros.stamps import seconds_from_stamp, stamp_from_seconds
 from rf_pointing.ros.streams import checked_message, frame_in, require_length
 from rf_pointing.station.antenna.drive_antenna import CONNECT_S, DriveAntenna, connected_antenna
@@ -28,8 +28,6 @@ from rf_pointing.station.antenna.simulated_antenna import AntennaParams
 PATIENCE_S = 0.5
 """Longest wait for a device in one attempt of a node that tries again; it reports meanwhile."""
 STATE_BYTES = 64 * 1024
-MOST_STATES = 20
-"""States taken in a step; more than wait after a stall."""
 
 
 class TopicDrive(Drive):
@@ -60,7 +58,7 @@ class TopicDrive(Drive):
         )  # fmt: skip
         self._set_points = self.node.create_publisher(JointState, "drive/set_point", SET_POINT)
         self._enabled = self.node.create_publisher(Bool, "drive/enable", LATCHED)
-        self.node.create_subscription(JointState, "drive/state", self.take_state, INSTRUMENT, raw=True)
+        self.node.create_subscription(JointState, "drive/state", self.take_state, NEWEST, raw=True)
         self._executor = SingleThreadedExecutor(context=beside.context)
         self._executor.add_node(self.node)
         self.problem = "no message on drive/state yet"
@@ -72,11 +70,11 @@ class TopicDrive(Drive):
     def step(self, t_s: float) -> DriveReading | None:
         # A step that came late is not silence of the device.
         late_s, self._t_s = max(0.0, t_s - (self._t_s or t_s)), t_s
-        for _ in range(MOST_STATES):
-            before = self._taken
-            self._executor.spin_once(timeout_sec=0.0)
+        before = self._taken
+        for _ in range(2):
+            # One that only ends the wait of the spin before takes nothing.
             if self._taken == before:
-                break
+                self._executor.spin_once(timeout_sec=0.0)
         if self._reading is not None:
             age_s, most_s = self._reading.age_s(t_s - late_s) - self._stepped_s, self._lost_s
             self._behind_s = age_s if self._taken > self._seen else self._behind_s

@@ -1,5 +1,6 @@
 """A drive behind topics: what it sends to a vendor's node, and what it makes of the state that comes back."""
 
+import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -7,7 +8,7 @@ import pytest
 from rclpy.qos import ReliabilityPolicy
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Bool
+from std_msgs.msg import Bool, Header
 
 from rf_pointing.drives import DriveParams
 from rf_pointing.ros.stamps import seconds_from_stamp, stamp_from_seconds
@@ -137,6 +138,21 @@ def test_a_step_of_the_clock_makes_no_state_old_but_the_next_one_of_a_driver_wit
     for tick in range(60):
         bench.drive.step(NOW_S + by_s + 0.04 + 0.02 * tick)
     assert words in bench.drive.problem
+
+
+def test_the_state_of_a_step_is_the_newest_that_has_arrived(bench: Bench, make_node: Callable[..., Any]) -> None:
+    vendor = make_node("vendor").create_publisher(JointState, "drive/state", 10)
+    while not vendor.get_subscription_count():
+        time.sleep(0.01)
+    for burst in range(3):
+        for k in range(6):
+            vendor.publish(
+                JointState(
+                    name=list(NAMES), position=[burst + 0.1 * k, 0.5], header=Header(stamp=stamp_from_seconds(NOW_S))
+                )
+            )
+        time.sleep(0.3)
+        assert bench.drive.step(NOW_S).position_rad[0] == burst + 0.1 * 5
 
 
 def test_a_driver_that_publishes_best_effort_is_heard(bench: Bench) -> None:
