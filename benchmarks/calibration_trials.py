@@ -72,7 +72,7 @@ PLANTED = {"rad": 60.0 * MDEG, "s": 0.5, "s^2": 0.3}
 NOISE_RAD, CORRELATION_S = 4.0 * MDEG, 4.0
 # At 88.8 deg the azimuth turns by a radian in 2 s: differences of samples a second apart were 3 mdeg off.
 STENCIL_S = 0.2
-# No mount records what it cannot follow: the azimuth of the fastest station that ships.
+# No mount records what it cannot follow: azimuth rate of the fastest station that ships.
 FASTEST_RAD_S = np.radians(6.0)
 
 
@@ -182,10 +182,19 @@ def campaign(
     return [seen_of(elements, track, one.aos_t_s, one.los_t_s, rate_hz) for elements, track, one in chosen]
 
 
+def followed(azimuth_rad: Array, step_rad: float) -> NDArray[np.bool_]:
+    """Return where (n,) an axis that turns by at most `step_rad` from sample to sample is on its target."""
+    axis_rad, on = azimuth_rad[0], np.zeros(len(azimuth_rad), dtype=bool)
+    for k, target_rad in enumerate(azimuth_rad):
+        axis_rad += np.clip(target_rad - axis_rad, -step_rad, step_rad)
+        on[k] = abs(axis_rad - target_rad) < 1e-9
+    return on
+
+
 def seen_of(elements: Elements, track: TopocentricTrack, first_s: float, last_s: float, rate_hz: float) -> Seen:
     """Return one pass."""
     times = np.arange(np.ceil(first_s), last_s, 1.0 / rate_hz)
-    times = times[np.abs(ReferenceTrack.of(track.sample(times)).motion()[2]) <= FASTEST_RAD_S]
+    times = times[followed(np.unwrap(track.sample(times).azimuth_rad), FASTEST_RAD_S / rate_hz)]
     look = track.sample(times)
     at = ReferenceTrack.of(look)
     around = (times + STENCIL_S * np.array([[-1.0], [0.0], [1.0]])).ravel()
