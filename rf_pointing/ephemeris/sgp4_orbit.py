@@ -31,8 +31,9 @@ _KM = 1e3
 # so that none falls to the ground, where SGP4 refuses it, between two steps.
 LEAST_RADIUS_KM = 6378.135 + 20.0
 _SCAN_STEP_S, _SCAN_BLOCK = 60.0, 10000
-# Times at which the mean perigee is looked at, and what Sun, Moon and the Earth's shape move it by.
-_PERIGEES, _FAR_ABOVE_KM = 14, 100.0
+# Times at which the mean perigee is looked at, and what the Earth's shape, and Sun and Moon by the
+# size of the orbit (0.7 % of the axis at most in 400 eccentric orbits), move it by.
+_PERIGEES, _FAR_ABOVE_KM, _FAR_ABOVE = 14, 100.0, 0.01
 
 
 class Sgp4Orbit:
@@ -102,7 +103,7 @@ class Sgp4Orbit:
         """Return whether the mean perigee, smooth in time, is far above the ground throughout."""
         for k in range(_PERIGEES + 1):
             code, _, _ = self._record.sgp4_tsince(sense * k / _PERIGEES * self.max_age_s / 60.0)
-            perigee_km = self._record.am * (1.0 - self._record.em) * self._record.radiusearthkm
+            perigee_km = self._record.am * (1.0 - _FAR_ABOVE - self._record.em) * self._record.radiusearthkm
             if code or not perigee_km > LEAST_RADIUS_KM + _FAR_ABOVE_KM:
                 return False
         return True
