@@ -9,6 +9,7 @@ from rf_pointing.controllers import LqgDesign
 from rf_pointing.controllers.lqg_design import save_lqg_designs
 from rf_pointing.core import AXES, MDEG, require_between, require_choice
 from rf_pointing.identification import load_models
+from rf_pointing.identification.study import KeptModel
 from rf_pointing.servo import PlantParams
 from rf_pointing.station.antenna.loops import require_stable, require_unmoved
 from rf_pointing.station.antenna.tuning import (
@@ -29,6 +30,8 @@ from rf_pointing.station.derive.watches import takes_rates
 
 # Largest share of the motion of held-out sequences that a model may miss.
 MOST_ERROR = 0.1
+LEAST_SENSITIVE, SLOWER = 1.2, 0.85
+"""Smallest peak of |S| to tune for, and the step to it where the model does not carry a faster loop."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,7 +144,7 @@ def tune(
     """
     require_choice("law", law, ("pi", "lqg"))
     require_between("wind_m_s", wind_m_s, 0.5, 60.0)
-    require_between("most_sensitive", most_sensitive, 1.2, 4.0)
+    require_between("most_sensitive", most_sensitive, LEAST_SENSITIVE, 4.0)
     if station is None and models is None:
         raise ValueError("give a station, the models of identify_antenna, or both")
     if station:
@@ -168,11 +171,9 @@ def tune(
             axes.append(plant_axis(sets["plant"], number, sets["antenna"].tick_s))
     if not axes:
         raise ValueError(f"models={models}: there is no response of an axis to its own rate")
-    tuned = [tuned_axis(axis, law, wind_m_s, most_sensitive) for axis in axes]
-    for one in tuned:
-        if one.name in kept:
-            model = kept[one.name]
-            require_described(one, model.measured_hz, model.measured, model.model)
+    plant = sets["plant"] if station else None
+    each = [_tuned(axis, law, wind_m_s, most_sensitive, kept.get(axis.name), plant) for axis in axes]
+    tuned, slower = [one for one, _ in each], [remark for _, remark in each if remark]
     gusts: dict[str, float] = {}
     before: list[TunedAxis | None] = [None] * len(axes)
     remarks: list[str] = []
@@ -188,10 +189,37 @@ def tune(
         tuple(tuned),
         tuple(before),
         gusts,
-        tuple(remarks),
+        (*slower, *remarks),
         bool(station) and not remarks,
         tuple(axes),
     )
+
+
+def _tuned(
+    axis: AxisModel, law: str, wind_m_s: float, most_sensitive: float, model: KeptModel | None,
+    plant: PlantParams | None,
+) -> tuple[TunedAxis, str]:  # fmt: skip
+    """Return the fastest loop that a measured model carries, and why it is not faster, "" if it is.
+
+    The model must describe the axis, and the servo, which knows the `plant` of the description,
+    take the loop.  ValueError if the model describes it for no loop.
+    """
+    fastest, remark = most_sensitive, ""
+    while True:
+        tuned, last = tuned_axis(axis, law, wind_m_s, fastest), SLOWER * fastest < LEAST_SENSITIVE
+        if model is None:
+            return tuned, ""
+        try:
+            require_described(tuned, model.measured_hz, model.measured, model.model)
+            why = "".join(_refused_by_servo([tuned], plant, [axis])) if plant else ""
+        except ValueError as error:
+            if last:
+                raise
+            why = str(error)
+        if last or not why:
+            return tuned, remark
+        remark = f"{axis.name}: slower than |S| <= {most_sensitive:g} allows; with {fastest:.3g} {why}"
+        fastest *= SLOWER
 
 
 def _refused_by_servo(

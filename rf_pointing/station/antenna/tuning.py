@@ -52,6 +52,11 @@ PLAY = tuple(Variation(gear=share) for share in (0.05, 0.1, 0.2, 0.5))
 HIGH_SHARE, HIGH_GAIN = 0.2, 0.5
 # Largest |dG C S| of a model that is believed, from this frequency on, of so many lines.
 MOST_MISSED, LOWEST_HZ, COHERENT = 0.25, 0.05, 50
+# Where an experiment of minutes in wind tells a lag: a slow pole of the wind turns lower frequencies.
+MEASURED = (0.006, 0.008, 0.01, 0.012, 0.015)
+SLOW = 0.05
+# Largest turn of 1 + L between two frequencies: with more, the grid has jumped over a pole.
+MOST_TURN = 0.5 * math.pi
 # Least damping of the poles of notch and section.
 LEAST_DAMPING = 0.02
 # One step of the encoder commands at most this share of the largest rate.
@@ -96,6 +101,8 @@ class AxisModel:
     off: Callable[[Variation], Response]
     most_gain: float
     play: tuple[Variation, ...] = ()
+    slow: tuple[float, ...] = (1e-3,)
+    """Frequencies, in shares of the sampling rate, at which the lag is looked at."""
 
     @property
     def nominal(self) -> Response:
@@ -105,9 +112,13 @@ class AxisModel:
     @property
     def lag_s(self) -> float:
         """Lag of the axis behind a slow rate command, half a period of holding included."""
-        slow = np.array([1e-3 / self.sample_s])
-        phase = np.angle(1j * sampled_response(self.nominal.sampled, slow, self.sample_s)[0, 0, 0])
-        return max(0.0, -float(phase) / (2.0 * math.pi * float(slow[0])))
+        found_s, slow_hz = 0.0, np.array(self.slow) / self.sample_s
+        for _ in range(2):
+            phase = np.angle(1j * sampled_response(self.nominal.sampled, slow_hz, self.sample_s)[:, 0, 0])
+            found_s = max(0.0, -float(np.median(phase / slow_hz)) / (2.0 * math.pi))
+            # Slow beside the lag itself.
+            slow_hz = np.minimum(slow_hz, SLOW / max(found_s, self.sample_s))
+        return found_s
 
 
 def plant_axis(plant: PlantParams, axis: int, sample_s: float) -> AxisModel:
@@ -172,7 +183,7 @@ def identified_axis(name: str, model: StateSpace, most_gain: float = math.inf) -
 
     return AxisModel(
         name=name, sample_s=sample_s, modes_hz=_shown(values, system, sample_s), off=off,
-        most_gain=min(HIGH_GAIN / sample_s, most_gain),
+        most_gain=min(HIGH_GAIN / sample_s, most_gain), slow=MEASURED,
     )  # fmt: skip
 
 
@@ -381,9 +392,11 @@ def require_described(
         :, 0, 0
     ]  # fmt: skip
     known = model.response(frequency_hz)[:, 0, 0]
-    share = np.abs((response - known) * gain / (1.0 + known * gain))
-    # The median of five neighbours leaves out what single lines of the spectrum scatter.
-    smooth = np.median(np.lib.stride_tricks.sliding_window_view(share, 5), axis=1)
+    share = (response - known) * gain / (1.0 + known * gain)
+    # What lines of the spectrum scatter about the response turns any way: the median of five
+    # neighbours, of its two parts, leaves it out.
+    near = np.lib.stride_tricks.sliding_window_view(share, 5)
+    smooth = np.abs(np.median(near.real, axis=1) + 1j * np.median(near.imag, axis=1))
     worst = int(np.argmax(smooth))
     if smooth[worst] > MOST_MISSED:
         at = worst + 2
@@ -528,8 +541,8 @@ def _power(response: Response, gain: ComplexArray, wind_m_s: float) -> Array:
 
 def _stable(loop: ComplexArray) -> bool:
     """Return whether 1 + L turns by a half: two integrators, and -1 is not encircled."""
-    angle = np.unwrap(np.angle(loop))
-    return abs(float(angle[-1] - angle[0]) - math.pi) < 0.5 * math.pi
+    turns = np.angle(loop[1:] / loop[:-1])
+    return abs(float(turns.sum()) - math.pi) < 0.5 * math.pi and float(np.abs(turns).max()) < MOST_TURN
 
 
 def _shown(poles: ComplexArray, system: LawMatrices, sample_s: float) -> Array:
