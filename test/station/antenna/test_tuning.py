@@ -212,10 +212,10 @@ def test_requests_that_cannot_be_are_refused(given: dict, words: str) -> None:
         rp.tune(station, **given)
 
 
-def models_file(path: Path, error: float = 0.01) -> Path:
-    """Write a planted azimuth as identify_antenna does."""
+def models_file(path: Path, error: float = 0.01, missed: float = 0.0) -> Path:
+    """Write a planted azimuth as identify_antenna does, of which the model misses a share from 2 to 8 Hz."""
     model, hz = late_axis(2, 0.05, 3.0), np.arange(0.02, 20.0, 0.01)
-    measured = model.response(hz)[:, 0, 0]
+    measured = model.response(hz)[:, 0, 0] * (1.0 + missed * ((hz > 2.0) & (hz < 8.0)))
     response = {name: getattr(model, name).tolist() for name in "abcd"} | {
         "input": "azimuth", "output": "azimuth", "sample_s": TICK_S, "error": error,
         "measured_hz": hz.tolist(), "measured_real": measured.real.tolist(), "measured_imag": measured.imag.tolist(),
@@ -243,6 +243,15 @@ def test_the_command_tunes_identified_models_and_leaves_its_files(
         with pytest.raises(SystemExit, match="2"):
             main(arguments)
         assert words in capsys.readouterr().err
+
+
+def test_a_model_that_misses_what_a_fast_loop_meets_gets_a_slower_one(tmp_path: Path) -> None:
+    fast, slow = (rp.tune(models=models_file(tmp_path / f"{missed}.json", missed=missed)) for missed in (0.0, 0.3))
+    assert fast.remarks == ()
+    assert slow.axes[0].margins.peak_sensitivity < 0.9 * fast.axes[0].margins.peak_sensitivity
+    assert "slower than |S| <= 2 allows" in slow.remarks[0]
+    with pytest.raises(ValueError, match="does not describe the axis"):
+        rp.tune(models=models_file(tmp_path / "poor.json", missed=3.0))
 
 
 def test_files_that_hold_no_models_are_refused(tmp_path: Path) -> None:
