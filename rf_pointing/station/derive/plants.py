@@ -30,6 +30,7 @@ from rf_pointing.station.derive.band import (
     REFERENCE_M,
     STIFF_BACKLASH_DEG,
     STIFF_DRIVE_RAD_S,
+    TICK_S,
     Band,
     drive_acceleration_deg_s2,
     encoder_bits,
@@ -43,7 +44,6 @@ MOMENT = 0.1
 """Moment coefficient of the wind on a reflector (servo/wind.py)."""
 AIR_DENSITY = 1.225
 HOLDING_RESERVE = 1.1
-TICK_S = 0.02
 GAIN_MARGIN = 2.0
 SHARE, BRAKING = 0.2, 0.6
 """Largest k_p L of a loop, and share of the acceleration that commanded motion leaves to it."""

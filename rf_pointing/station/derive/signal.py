@@ -16,14 +16,13 @@ from rf_pointing.rf.noise import (
     noise_of_plate_k,
     sky_k,
 )
-from rf_pointing.station.derive.band import Band
+from rf_pointing.station.derive.band import TICK_S, Band
 from rf_pointing.station.description.content import NoiseSection, StageSection
 
 # Loss of the clear atmosphere at the zenith over frequency: those of the three bands of DSS-13
 # (docs/math/link.md) and what little is left of it at VHF.
 _LOSS_MHZ, _LOSS_DB = (100.0, 2300.0, 8450.0, 32000.0, 50000.0), (0.03, 0.035, 0.04, 0.14, 0.6)
 COSMIC_K, AIR_K, GROUND_K = 2.725, 275.0, 8.0
-TICK_S = 0.02
 ZENITH_LEVEL = "zenith_carrier_to_noise_db_hz"
 
 

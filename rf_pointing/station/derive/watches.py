@@ -21,6 +21,7 @@ from rf_pointing.station.derive.band import (
     REFERENCE_M,
     STIFF_BACKLASH_DEG,
     STIFF_DRIVE_RAD_S,
+    TICK_S,
     Band,
     drive_acceleration_deg_s2,
 )
@@ -51,7 +52,11 @@ def drive_watch(of: Band) -> Rows:
     hardest = max(map(drive_acceleration_deg_s2, of.axes))
     fastest = max(axis.rate_deg_s for axis in of.axes)
     stiff = of.structure == "stiff"
-    late_s = rate_latency_s(of)
+    late_s, read_s, read = rate_latency_s(of), 0.01, "10 ms of the acceleration"
+    if takes_rates(of.content.drive):
+        # Which period a reading of a device belongs to is known to one of its own and one of ours.
+        poll_s = float(flat(of.content.drive).get("link.poll_period_s", DriveParams().link.poll_period_s))
+        read_s, read = 0.01 + TICK_S + poll_s, "the acceleration in 10 ms, a tick and a poll"
     bandwidth = STIFF_DRIVE_RAD_S if stiff else 20.0 * min(1.0, REFERENCE_M / of.wind_diameter_m)
     return {
         "bandwidth_hz": tuned(bandwidth / (2.0 * math.pi), "the rate loops'"),
@@ -59,7 +64,7 @@ def drive_watch(of: Band) -> Rows:
         "rate_limit_deg_s": tuned(fastest, "the faster drive's"),
         "disturbance_deg_s2": tuned(0.75 * hardest, "0.75 of the acceleration"),
         "slack_deg_s2": tuned(0.15 * hardest, "0.15 of the acceleration"),
-        "gained_deg_s": tuned(0.01 * hardest, "10 ms of the acceleration"),
+        "gained_deg_s": tuned(read_s * hardest, read),
         "excess_deg_s": tuned(0.25 * fastest, "a quarter of the rate"),
     } | ({"delay_s": tuned(min(rounded(LATE * late_s), 1.0), "1.5 times the latency")} if late_s else {})
 
