@@ -73,9 +73,8 @@ class ServerParams(Params):
         try:
             networks = [ip_network(each.strip()) for each in self.allow.split(",") if each.strip()]
         except ValueError as error:
-            raise ValueError(
-                f"allow={self.allow!r} must be addresses or networks, as 10.0.0.0/24: {error}"
-            ) from None
+            must = f"must be addresses or networks, as 10.0.0.0/24: {error}"
+            raise ValueError(f"allow={self.allow!r} {must}") from None
         with suppress(ValueError):
             given = ip_address(address.partition("%")[0].removeprefix("::ffff:"))
             return not networks or any(given in each for each in networks)

@@ -208,10 +208,9 @@ class Rotator:
         for axis in (0, 1):
             if wanted[axis] is None:
                 wanted[axis] = self._wanted(axis, t_s, motion, goal, early_s)
-        azimuth, elevation = (
-            self._kept(axis) if each is None else each for axis, each in enumerate(wanted)
-        )
-        self._send(t_s, (azimuth, elevation))
+        first, second = wanted
+        azimuth = self._kept(0) if first is None else first
+        self._send(t_s, (azimuth, self._kept(1) if second is None else second))
 
     def stop(self) -> None:
         """Stop the device where it is."""

@@ -136,16 +136,6 @@ def refraction_at(params: SourceParams, station: Site) -> RadioRefraction | None
     return kinds.get(params.refraction, RadioRefraction.standard(station.altitude_m))
 
 
-def first_time_s(params: SourceParams) -> float:
-    """Return the epoch of the elements or the beginning of the ephemeris; ValueError for bodies."""
-    target = load_target(params)
-    if isinstance(target, Elements):
-        return target.epoch_t_s
-    if isinstance(target, OemTarget):
-        return target.spans_t_s[0][0]
-    raise ValueError(f"{target.name} has no epoch: say when to look for it (start)")
-
-
 @dataclass(frozen=True)
 class SourceContents:
     """Elements of a file or of the files of a folder, by the name of the file or folder.
