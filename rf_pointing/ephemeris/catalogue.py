@@ -125,13 +125,12 @@ def find_catalogue_passes(
     decay in the interval, which are searched one by one up to there.
     """
     require_between("duration_s", duration_s, 60.0, 31.0 * DAY_S)
-    horizon, flat_rad = mask_of(min_elevation_rad)
     require_choice("light_time", light_time, SENSES)
     # The grid is even in UTC; a leap second in it would shift half of the orbit by 8 km.
     _refuse_leap_second(start_t_s, duration_s)
     air = RadioRefraction.standard(site.altitude_m) if refraction == "standard" else refraction
     # The grid knows true elevations: the mask goes through the refraction once, not every sample.
-    sine = math.sin(float(air.remove(flat_rad)) if air else flat_rad)
+    horizon, sine = mask_of(min_elevation_rad, air)
     source: EarthOrientationSource = orientation or IersEarthOrientation()
     options: dict[str, Any] = {"refraction": air, "light_time": light_time, "max_age_s": max_age_s}
     options["orientation"] = source

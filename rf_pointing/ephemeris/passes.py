@@ -92,9 +92,8 @@ def _passes_of(
     track: TopocentricTrack, start_t_s: float, duration_s: float, min_elevation_rad: float | Horizon
 ) -> list[Pass]:
     """Return the passes in a time for which the target is known throughout."""
-    horizon, flat_rad = mask_of(min_elevation_rad)
-    motion, air = _motion(track, start_t_s, duration_s), track.refraction
-    sine = math.sin(float(air.remove(flat_rad)) if air else flat_rad)
+    horizon, sine = mask_of(min_elevation_rad, track.refraction)
+    motion = _motion(track, start_t_s, duration_s)
     stays = stays_above(motion, sine, _STEP_S)
     if horizon is None:
         return _described(track, motion, stays, sine)
