@@ -58,10 +58,7 @@ class _Axis:
 
 
 class Rotator:
-    """A drive that takes positions, in continuous joint angles; `step` once a tick.
-
-    `latency_s` is the measured time from a set point to the motion, at first the stated one.
-    """
+    """A drive of positions in continuous joint angles; `latency_s` is measured, at first stated."""
 
     def __init__(self, drive: Drive, params: RotatorParams) -> None:
         self.drive, self.params = drive, params
@@ -192,10 +189,7 @@ class Rotator:
         return self._axes[0].sent, self._axes[1].sent
 
     def follow(self, t_s: float, motion: Motion, goal: Motion) -> None:
-        """Let the device follow `motion`, which chases `goal`; no set point passes the goal.
-
-        A motion that is its own goal is a stop.
-        """
+        """Follow `motion`, which chases `goal` (itself for a stop); no set point passes it."""
         if self.reading is None:
             return
         # Also while nothing may be sent: how long a motion has lasted does not wait for it.

@@ -157,10 +157,7 @@ def find_catalogue_passes(
 
 
 class CatalogueSky:
-    """True directions of many objects at a few times: which of them is at a place of the sky.
-
-    Objects farther than `max_age_s` from their epoch at `t_s` are left out.
-    """
+    """True directions of many objects at a few times, those within `max_age_s` of their epoch."""
 
     def __init__(self, elements: Sequence[Elements], site: Site, t_s: float, max_age_s: float = 14.0 * DAY_S) -> None:
         self.elements, _ = _usable(elements, t_s, 0.0, max_age_s)
@@ -229,10 +226,7 @@ def _sampled(
     elements: list[Elements], site: Site, start_t_s: float, duration_s: float, step_s: float,
     sense: float, orientation: EarthOrientationSource,
 ) -> tuple[Array, NDArray[np.uint8]]:  # fmt: skip
-    """Return positions (objects, times, 3) east-north-up and the SGP4 error codes, 0 for none.
-
-    The times reach as far beyond the search as a polynomial leans on them.
-    """
+    """Return positions (objects, times, 3) east-north-up, `LEAN` more times, and SGP4 errors."""
     count = round(duration_s / step_s)
     t_s = start_t_s + step_s * np.arange(-LEAN[0], count + LEAN[1], dtype=np.float64)
     orbit, codes = _orbits([_record(one, start_t_s) for one in elements], t_s, orientation)

@@ -82,10 +82,7 @@ def orientation_table() -> OrientationTable:
 
 
 def predicted(t_s: Array, values: tuple[Array, Array, Array], ahead_days: Array) -> tuple[Array, Array, Array]:
-    """Return UT1 - TAI [s] and the pole [rad] some days (m,) after the last of daily nodes (n,).
-
-    At least six years of nodes are needed.
-    """
+    """Return UT1 - TAI [s] and pole [rad] some days (m,) after nodes (n,) of six years or more."""
     ut2 = values[0] + _season_s(t_s)
     rate_s_day = (ut2[-1] - ut2[-1 - _RATE_DAYS]) / _RATE_DAYS
     ut1 = ut2[-1] + rate_s_day * ahead_days - _season_s(t_s[-1] + DAY_S * ahead_days)

@@ -275,10 +275,7 @@ def _exact(
 
 
 def _largest(times: Array, value: Array, slope: Array) -> Array:
-    """Return the largest values (m, n) of curves (m, n, k) at times (n, k), by their slopes.
-
-    Between two points a curve is the cubic through them.
-    """
+    """Return the largest values (m, n) of cubics by values and slopes (m, n, k) at (n, k)."""
     curve, row, k = np.nonzero((slope[..., 1:] < 0.0) & (slope[..., :-1] >= 0.0))
     h, y, last = times[row, k + 1] - times[row, k], value[curve, row, k], value[curve, row, k + 1]
     m, end = slope[curve, row, k], slope[curve, row, k + 1]

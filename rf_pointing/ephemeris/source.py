@@ -35,10 +35,7 @@ BODIES: dict[str, Callable[[], TargetSource]] = {
 
 
 def body_of(name: str) -> TargetSource | None:
-    """Return the body of the sky or the place `radec ...` that a name means, None for others.
-
-    ValueError for a place that cannot be read.
-    """
+    """Return the body or place `radec ...` of a name, else None; ValueError if malformed."""
     if name.casefold().split()[:1] == [celestial.OWN_PLACE]:
         return celestial.own_place(name).target()
     made = BODIES.get(name.casefold())
@@ -88,10 +85,8 @@ def load_target(params: SourceParams) -> Elements | TargetSource:
         return body
     if not params.elements and not params.satellite:
         bodies = ", ".join(name.title() for name in BODIES)
-        raise ValueError(
-            "no target is named: elements='' must be a file, a folder or an address of elements, "
-            f"or satellite='' one of {bodies}"
-        )
+        place = "elements='' must be a file, a folder or an address of elements"
+        raise ValueError(f"no target is named: {place}, or satellite='' one of {bodies}")
     if not params.elements:
         return find_elements(verification_elements(), params.satellite)
     contents = read_source(params.elements)
@@ -102,10 +97,7 @@ def load_target(params: SourceParams) -> Elements | TargetSource:
 
 
 def load_catalogue(elements: str) -> list[Elements]:
-    """Return the newest elements of every object of a file, folder or address.
-
-    "" means the verification set.
-    """
+    """Return the newest elements of each object at a place, "" of the verification set."""
     found = read_source(elements).elements if elements else verification_elements()
     if not found:
         raise ValueError(f"elements={elements!r} holds an ephemeris and no elements")

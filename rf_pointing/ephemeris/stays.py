@@ -59,10 +59,7 @@ class SkyMotion:
 
     @classmethod
     def through(cls, enu_m: Array, start_t_s: float, step_s: float) -> "SkyMotion":
-        """Return the motion through positions (objects, times, 3), `LEAN` of them before and after.
-
-        From one to the next it is a polynomial through the ten around.
-        """
+        """Return the motion through positions (objects, times, 3), each step by ten around it."""
         windows = sliding_window_view(enu_m.transpose(2, 0, 1), len(_NODES), axis=2)
         powers = np.tensordot(_LAGRANGE, windows, axes=(1, 3))
         return cls(start_t_s, step_s, powers.reshape(len(_NODES), 3, -1), len(enu_m))
@@ -96,10 +93,7 @@ class SkyMotion:
         return list(np.einsum("okn,kcn->ocn", self._bases(place - node, orders), here))
 
     def grid(self, step_s: float) -> tuple[Array, Array, Array]:
-        """Return even times, nodes among them, no more than `step_s` apart, and `height` there.
-
-        The arrays are (objects, n).
-        """
+        """Return even times (objects, n) <= `step_s` apart, with nodes, and `height` there."""
         parts = math.ceil(self.step_s / step_s)
         bases = self._bases(np.arange(parts + 1) / parts, 2).swapaxes(1, 2)
         even = bases @ self.coefficients.reshape(len(self.coefficients), -1)
@@ -229,10 +223,7 @@ def stays_above(motion: SkyMotion, sine: float, step_s: float) -> Stays:
 
 
 def _root(function: Callable[[Array], list[Array]], ends: Pairs, values: Pairs) -> Array:
-    """Return where a function crosses 0 between `ends` (n,), where it has these `values`.
-
-    It returns its value and its slope at times (n,).
-    """
+    """Return where a function (value, slope) crosses 0 between `ends` (n,), by `values`."""
     low, high = ends
     at = low + (high - low) * values[0] / (values[0] - values[1])
     for _ in range(_NEWTON):

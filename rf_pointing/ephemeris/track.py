@@ -111,10 +111,7 @@ class TopocentricTrack:
         )  # fmt: skip
 
     def target_at(self, t_s: float, *, near_azimuth_rad: float = math.pi) -> Target:
-        """Return the apparent direction at UTC `t_s`, its azimuth nearest to `near_azimuth_rad`.
-
-        Raises ValueError for times outside the target's span.
-        """
+        """Return the apparent direction at UTC `t_s`, near an azimuth; ValueError outside spans."""
         require_finite("t_s", t_s)
         look: dict[str, Any] = {name: float(value) for name, value in self._look(float(t_s)).items()}
         look["refraction_rad"] = look["elevation_rad"] - look.pop("true_elevation_rad")

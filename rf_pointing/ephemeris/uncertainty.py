@@ -65,10 +65,7 @@ class ElementUncertainty(Params):
 
 
 def sky_uncertainty(track: TopocentricTrack, t_s: float, model: ElementUncertainty) -> SkyUncertainty | None:
-    """Return the uncertainty of a track at UTC `t_s`, None where nothing is known of it.
-
-    A body of the sky has none, nor has an ephemeris without a covariance.
-    """
+    """Return the uncertainty at UTC `t_s`, None of bodies and of ephemerides without covariance."""
     elements, age_s = getattr(track.target, "elements", None), 0.0
     if isinstance(elements, Elements):
         age_s = t_s - elements.epoch_t_s

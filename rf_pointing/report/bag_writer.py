@@ -124,10 +124,7 @@ class BagWriter:
         self.close()
 
     def register(self, topic: str, type_name: str, qos: Sequence[Qos] = ()) -> None:
-        """Announce `topic` of `type_name` with the profiles its publishers offer.
-
-        ValueError for a topic that is registered already, or whose type is not defined.
-        """
+        """Announce a topic; ValueError where it is announced already or its type is not known."""
         if topic in self._connections or topic in self._late:
             raise ValueError(f"topic={topic!r} is registered already")
         msgdef = self._definitions.schema(type_name)

@@ -160,10 +160,7 @@ def _commands(recording: Recording, modes: Timeline | None) -> table.Commands:
 
 
 class AxisMotion:
-    """Rates (n, 2) and accelerations (m, 2) of both axes at stamps in ns, from `joint_states`.
-
-    An acceleration is the change of rate over half a second.
-    """
+    """Rates (n, 2), and accelerations (m, 2) over half a second, of both axes at stamps in ns."""
 
     def __init__(self, joints: TopicData) -> None:
         assert joints.stamp_ns is not None

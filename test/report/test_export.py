@@ -3,7 +3,7 @@
 import builtins
 import csv
 import math
-from dataclasses import astuple, fields
+from dataclasses import fields
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any

@@ -249,7 +249,12 @@ def test_a_bar_is_where_its_pass_or_alarm_was(shown: Any) -> None:
 def test_passes_that_were_left_out_by_choice_are_neither_lost_nor_counted() -> None:
     left = [record("A", 600.0, state="skipped", tracked_s=0.0), record("B", 3600.0)]
     report = night_of(state(left), "Dish")
-    assert (report.tracked, len(report.chosen), report.to_do, report.held_share) == (1, 1, (), pytest.approx(590.0 / 600.0))
+    assert (report.tracked, len(report.chosen), report.to_do, report.held_share) == (
+        1,
+        1,
+        (),
+        pytest.approx(590.0 / 600.0),
+    )
     assert "1 of 1" in page(report)
 
 
