@@ -142,7 +142,8 @@ class SourceContents:
 
     def find(self, params: SourceParams) -> Elements | OemTarget:
         """Return the wanted object: its elements, or else its ephemeris."""
-        wanted = params.satellite.strip() or self.first
+        first = self.elements[0].catalogue_number if self.elements else self.segments[0].name
+        wanted = params.satellite.strip() or str(first)
         # An OEM names its object and its designator; either is accepted.
         key = wanted.strip().casefold()
         found = [segment for segment in self.segments if key in (segment.name.casefold(), segment.object_id.casefold())]
@@ -163,11 +164,6 @@ class SourceContents:
             for label in {one.name.casefold(), str(one.catalogue_number)}:
                 found.setdefault(label, []).append(one)
         return found
-
-    @property
-    def first(self) -> str:
-        """Name of the first object."""
-        return str(self.elements[0].catalogue_number) if self.elements else self.segments[0].name
 
 
 def read_source(location: str) -> SourceContents:

@@ -322,10 +322,6 @@ class Picture(NamedTuple):
     possible: Callable[[Analysis], bool]
 
 
-def _has_link(analysis: Analysis) -> bool:
-    return _has_errors(analysis) or link_series(analysis.recording) is not None
-
-
 _PICTURES = (
     Picture(
         "pointing_error", "Pointing error",
@@ -337,7 +333,7 @@ _PICTURES = (
         "link", "Link and pointing loss",
         "Loss of a Gaussian beam down to its sidelobes at 40 dB: that of the mean power of each "
         "second, shaded up to the largest.",
-        draw_link, _has_link,
+        draw_link, lambda of: _has_errors(of) or link_series(of.recording) is not None,
     ),
     Picture(
         "sky_track", "Track over the sky",

@@ -32,8 +32,10 @@ def summarize(analysis: Analysis) -> table.Summary:
     lost = sum(row.lost or 0 for row in traffic) + sum(item.count for item in recording.not_recorded)
     found, info = analysis.target_pass, None
     if found is not None:
-        times = (utc_text(each * 1e-9) for each in (found.aos_ns, found.tca_ns, found.los_ns))
-        info = table.PassInfo(found.target, *times, float(np.degrees(found.peak_elevation_rad)))
+        times_ns = found.aos_ns, found.tca_ns, found.los_ns
+        aos, tca, los = (utc_text(each * 1e-9) for each in times_ns)
+        peak_deg = float(np.degrees(found.peak_elevation_rad))
+        info = table.PassInfo(found.target, aos, tca, los, peak_deg)
     return table.Summary(
         schema=table.SCHEMA, bag=_bag(recording), outcome=verdict(analysis),
         target_pass=info,

@@ -19,7 +19,7 @@ from rf_pointing.core.kinematics import LEVEL, Kinematics
 from rf_pointing.core.refraction import RadioRefraction
 from rf_pointing.core.types import Array
 from rf_pointing.core.whole_file import write_whole
-from rf_pointing.ephemeris import ElementUncertainty, Pass, Site, TopocentricTrack, find_passes, sky_uncertainty, sun
+from rf_pointing.ephemeris import ElementUncertainty, Pass, Site, TopocentricTrack, sky_uncertainty, sun
 from rf_pointing.planning import (
     AxisLimits,
     Certificate,
@@ -84,25 +84,6 @@ class PlannedPass:
     window: Pass
     profile: PassProfile
     certificate: Certificate
-
-
-def plan_passes(
-    track: TopocentricTrack,
-    start_t_s: float,
-    span_s: float,
-    encoder_rad: tuple[float, float],
-    rules: PlanningRules,
-    least_rad: float,
-) -> list[PlannedPass]:
-    """Return every pass of a span; each slew starts where the pass before has left the axes."""
-    planned, free_t_s = [], start_t_s
-    for window in find_passes(track, start_t_s, span_s, rules.mask.above(least_rad)):
-        certificate, fine = planned_certificate(track, window, free_t_s, encoder_rad, rules)
-        chosen = certificate.chosen
-        if chosen is not None:
-            encoder_rad, free_t_s = chosen.end_rad, window.los_t_s
-        planned.append(PlannedPass(window=window, profile=fine, certificate=certificate))
-    return planned
 
 
 def planned_certificate(
