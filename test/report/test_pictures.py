@@ -45,7 +45,8 @@ def test_whole_recording_gives_every_picture(analysed: Callable[..., Analysis], 
     assert [path.stem for path in pictures] == ALL
     for path, words in pictures.items():
         assert imread(path).shape[1] >= 700
-        assert len(words) == 2 and all(words)
+        assert len(words) == 2
+        assert all(words)
 
 
 def test_colours_name_the_modes(analysed: Callable[..., Analysis], tmp_path: Path) -> None:
