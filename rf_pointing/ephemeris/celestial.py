@@ -8,6 +8,7 @@ longitude are those of `PLANETS`.
 """
 
 import math
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -181,15 +182,10 @@ def own_place(text: str) -> RadioSource:
     if len(words) not in (2, 5):
         form = f"{OWN_PLACE} RA DEC [EAST NORTH EPOCH]"
         raise ValueError(f"satellite={text!r} must be {form} in deg, mas/year, year")
-    numbers = []
     for word in words:
-        try:
-            numbers.append(float(word))
-        except ValueError:
-            numbers.append(math.nan)
-        if not math.isfinite(numbers[-1]):
+        if not re.fullmatch(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]{1,2})?", word):
             raise ValueError(f"satellite={text!r}: {word!r} must be a number")
-    right, up, east, north, epoch = [*numbers, 0.0, 0.0, 2000.0][:5]
+    right, up, east, north, epoch = [*map(float, words), 0.0, 0.0, 2000.0][:5]
     mas = math.radians(1.0 / 3.6e6)
     return RadioSource(text, math.radians(right), math.radians(up), east * mas, north * mas, epoch)
 
