@@ -22,7 +22,7 @@ from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
 from rf_pointing.core.dates import DAY_S, utc_text
 from rf_pointing.core.refraction import RadioRefraction
 from rf_pointing.core.types import Array, BoolArray
-from rf_pointing.ephemeris.earth_orientation import EarthOrientationSource, IersEarthOrientation
+from rf_pointing.ephemeris.earth_orientation import IersEarthOrientation
 from rf_pointing.ephemeris.elements import Elements
 from rf_pointing.ephemeris.look_angles import SENSES
 from rf_pointing.ephemeris.passes import Pass, find_passes, part_searched
@@ -117,7 +117,7 @@ def find_catalogue_passes(
     min_elevation_rad: float | Horizon, *,
     refraction: RadioRefraction | Literal["standard"] | None = "standard",
     light_time: str = "receive", max_age_s: float = 14.0 * DAY_S,
-    orientation: EarthOrientationSource | None = None,
+    orientation: IersEarthOrientation | None = None,
 ) -> CatalogueSearch:  # fmt: skip
     """Return the passes of all `elements` above an elevation or a horizon (apparent) in a time.
 
@@ -131,7 +131,7 @@ def find_catalogue_passes(
     air = RadioRefraction.standard(site.altitude_m) if refraction == "standard" else refraction
     # The grid knows true elevations: the mask goes through the refraction once, not every sample.
     horizon, sine = mask_of(min_elevation_rad, air)
-    source: EarthOrientationSource = orientation or IersEarthOrientation()
+    source = orientation or IersEarthOrientation()
     options: dict[str, Any] = {"refraction": air, "light_time": light_time, "max_age_s": max_age_s}
     options["orientation"] = source
     passes: list[CataloguePass] = []
@@ -224,7 +224,7 @@ def _chunks(elements: list[Elements], duration_s: float) -> Iterator[tuple[list[
 
 def _sampled(
     elements: list[Elements], site: Site, start_t_s: float, duration_s: float, step_s: float,
-    sense: float, orientation: EarthOrientationSource,
+    sense: float, orientation: IersEarthOrientation,
 ) -> tuple[Array, NDArray[np.uint8]]:  # fmt: skip
     """Return positions (objects, times, 3) east-north-up, `LEAN` more times, and SGP4 errors."""
     count = round(duration_s / step_s)
@@ -234,7 +234,7 @@ def _sampled(
 
 
 def _orbits(
-    records: list[Satrec], t_s: Array, orientation: EarthOrientationSource
+    records: list[Satrec], t_s: Array, orientation: IersEarthOrientation
 ) -> tuple[StateVector, NDArray[np.uint8]]:
     """Return Earth-fixed motions (objects, times) and the SGP4 error code of each object."""
     days = np.floor(t_s / DAY_S)

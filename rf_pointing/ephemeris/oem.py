@@ -26,7 +26,7 @@ from rf_pointing.core.kvn import key_and_value
 from rf_pointing.core.types import Array
 from rf_pointing.ephemeris import time_scales
 from rf_pointing.ephemeris.celestial_frame import EARTH_RATE_RAD_S, earth_fixed_from_gcrs
-from rf_pointing.ephemeris.earth_orientation import EarthOrientationSource, IersEarthOrientation
+from rf_pointing.ephemeris.earth_orientation import IersEarthOrientation
 from rf_pointing.ephemeris.sgp4_orbit import GMST_RATE_RAD_S, earth_fixed_from_teme
 from rf_pointing.ephemeris.state_vector import StateVector, Vector, rotated, seen_from_rotating_axes
 from rf_pointing.ephemeris.time_scales import leap_seconds, tai_from_utc_calendar, utc_from_tai_s
@@ -386,7 +386,7 @@ class OemTarget:
     at_infinity = False
 
     def __init__(
-        self, segments: Sequence[OemSegment], orientation: EarthOrientationSource | None = None, *,
+        self, segments: Sequence[OemSegment], orientation: IersEarthOrientation | None = None, *,
         interpolation: tuple[str, int] | None = None,
     ) -> None:  # fmt: skip
         if not segments or len({segment.object_id for segment in segments}) != 1:
@@ -401,7 +401,7 @@ class OemTarget:
         self._frame = frame
         self._segments = tuple(segments)
         self._windows = tuple(_window_size(segment, interpolation) for segment in segments)
-        self._earth: EarthOrientationSource = orientation or IersEarthOrientation()
+        self._earth = orientation or IersEarthOrientation()
         self.orientation = None if frame.startswith("ITRF") else self._earth
         # One window serves many control periods; a solve costs far more than an evaluation.
         self._polynomial = lru_cache(maxsize=4096)(self._solved_polynomial)
