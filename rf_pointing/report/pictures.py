@@ -161,8 +161,8 @@ def _frame(axes: Any, half_mdeg: float, reach_mdeg: float, title: str) -> None:
         _ellipse(axes, half_mdeg, half_mdeg, style.LIMIT_COLOUR, style.DASHED, label)
     axes.axhline(0.0, color="#aaaaaa", lw=0.7)
     axes.axvline(0.0, color="#aaaaaa", lw=0.7)
-    axes.set_aspect("equal")
-    axes.set(xlim=(-reach_mdeg, reach_mdeg), ylim=(-reach_mdeg, reach_mdeg), title=title)
+    reach = -reach_mdeg, reach_mdeg
+    axes.set(aspect="equal", xlim=reach, ylim=reach, title=title)
     axes.set(xlabel="cross-elevation error, mdeg", ylabel="elevation error, mdeg")
 
 
