@@ -32,8 +32,6 @@ class Capabilities:
     travel_rad: tuple[Pair, Pair] | None = None
     one_turn: bool = False
     has_elevation: bool = True
-    has_brake: bool = False
-    has_limit_switches: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

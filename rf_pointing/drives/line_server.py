@@ -73,9 +73,8 @@ class ServerParams(Params):
         try:
             networks = [ip_network(each.strip()) for each in self.allow.split(",") if each.strip()]
         except ValueError as error:
-            raise ValueError(
-                f"allow={self.allow!r} must be addresses or networks, as 10.0.0.0/24: {error}"
-            ) from None
+            must = f"must be addresses or networks, as 10.0.0.0/24: {error}"
+            raise ValueError(f"allow={self.allow!r} {must}") from None
         with suppress(ValueError):
             given = ip_address(address.partition("%")[0].removeprefix("::ffff:"))
             return not networks or any(given in each for each in networks)
@@ -154,22 +153,17 @@ class Session:
 
     def __init__(self, words: ServedWords) -> None:
         self.words = words
-        self._buffer = bytearray()
-        self._discarding = False
+        self._rest = b""
 
     def take(self, data: bytes) -> Iterator[Order]:
         """Yield the orders of the lines that are complete; a half line waits for its end."""
-        *lines, rest = (bytes(self._buffer) + data).split(b"\n")
+        *lines, self._rest = (self._rest + data).split(b"\n")
         for line in lines:
-            # The end of a line that was too long: its beginning has been refused.
-            if self._discarding:
-                self._discarding = False
-            elif (order := _order(line, self.words)) is not None:
+            if (order := _order(line, self.words)) is not None:
                 yield order
-        if len(rest) > LONGEST_LINE and not self._discarding:
-            self._discarding = True
+        if len(self._rest) > LONGEST_LINE:
+            # A foreign line ends the connection: nobody waits for its end.
             yield _foreign(_TOO_LONG)
-        self._buffer = bytearray(b"" if self._discarding else rest)
 
     @staticmethod
     def answer(order: Order, code: int = 0, fields: Fields = (), reason: str = "") -> bytes:
@@ -229,10 +223,7 @@ def shown(text: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Inquiry:
-    """An order of a client that the station carries out; `reply` takes its code, in any thread.
-
-    `at_s` is the steady time at which the line was read.
-    """
+    """An order for the station, read at `at_s` (steady); `reply` takes its code, in any thread."""
 
     order: Order
     client: str
@@ -244,7 +235,6 @@ class Inquiry:
 class ServerCounts:
     """Counts of the port since it was opened."""
 
-    clients: int = 0
     refused_clients: int = 0
     refused_lines: int = 0
     ended: int = 0
@@ -337,7 +327,6 @@ class LineServer:
                 self._refuse_client(writer, f"{name}: {many}")
             else:
                 self.counts.connected[name], self._unheard[name] = time.monotonic(), writer
-                self.counts.clients += 1
                 await self._talk(reader, writer, name)
         except (TimeoutError, OSError, asyncio.CancelledError):
             # Gone, silent, or it reads no answers: its half line is forgotten.

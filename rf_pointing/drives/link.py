@@ -104,11 +104,8 @@ class KeptLink:
     """
 
     def __init__(self, name: str, params: LinkParams, baud: int) -> None:
-        self._name, self._where = (
-            name,
-            f"{name} at {params.device or f'{params.host}:{params.port}'}",
-        )
-        self._params, self._baud = params, baud
+        self._name, self._params, self._baud = name, params, baud
+        self._where = f"{name} at {params.device or f'{params.host}:{params.port}'}"
         self.problem = f"{self._where} is not connected yet"
         self.link: Link | None = None
         self._opening: Future[Link] | None = None
@@ -122,11 +119,8 @@ class KeptLink:
             try:
                 self.link = self._opening.result()
             except OSError as error:
-                hint = (
-                    f"; is {self._name} running?"
-                    if isinstance(error, ConnectionRefusedError)
-                    else ""
-                )
+                refused = isinstance(error, ConnectionRefusedError)
+                hint = f"; is {self._name} running?" * refused
                 self._back_off(t_s, f"{error.strerror or error}{hint}")
             self._opening = None
             return self.link is not None

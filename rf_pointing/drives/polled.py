@@ -201,9 +201,7 @@ class PolledDrive(Drive):
             self._alarm = answer.text
         elif answer.kind == protocols.NOISE:
             self.losses["noise"] += 1
-        if answer.kind == protocols.REFUSED or (
-            pending is not None and answer.kind == pending[0].answer
-        ):
+        if answer.kind in (protocols.REFUSED, pending[0].answer if pending else ""):
             self._pending = None
 
     def _take_position(self, answer: Answer, t_s: float) -> None:

@@ -15,15 +15,13 @@ or between noise.  Angles here are degrees, as on the wire.
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import partial
 from typing import ClassVar
 
 from rf_pointing.core import require_choice
 from rf_pointing.core.types import Pair
 
-POSITION, DONE, REFUSED, LIMITS, ALARM, STATUS, NOISE = (
-    "position", "done", "refused", "limits", "alarm", "status", "noise",
-)  # fmt: skip
+POSITION, DONE, REFUSED, LIMITS = "position", "done", "refused", "limits"
+ALARM, STATUS, NOISE = "alarm", "status", "noise"
 LONGEST_LINE = 200
 # Any controller's azimuth and elevation; beyond, a byte was lost.
 SENSIBLE_DEG = ((-360.0, 720.0), (-90.0, 270.0))
@@ -359,29 +357,23 @@ class SpidProtocol(DeviceProtocol):
         return _position(azimuth, elevation, packet)
 
 
-MODELS = {
-    "hamlib": ("", AZIMUTH),
-    "gs232": ("", *(one.model for one in Gs232Protocol.dialects)),
-    "easycomm": ("2", "3", "2_azimuth", "3_azimuth"),
-    "spid": ("rot2", "rot1", "md01"),
+PROTOCOLS: dict[str, tuple[Callable[[str], DeviceProtocol], tuple[str, ...]]] = {
+    "hamlib": (HamlibProtocol, ("", AZIMUTH)),
+    "gs232": (Gs232Protocol, ("", *(one.model for one in Gs232Protocol.dialects))),
+    "easycomm": (EasycommProtocol, ("2", "3", "2_azimuth", "3_azimuth")),
+    "spid": (SpidProtocol, ("rot2", "rot1", "md01")),
 }
-"""Values of `drive.model` for each type; the first is meant by an empty one."""
-_MADE: dict[str, Callable[[str], DeviceProtocol]] = {
-    "hamlib": HamlibProtocol, "gs232": Gs232Protocol, "easycomm": EasycommProtocol, "spid": SpidProtocol,
-}  # fmt: skip
+"""Words and models (`drive.model`) of each type; the first is meant by an empty one."""
 
 
 def protocol_of(type_: str, model: str) -> DeviceProtocol:
     """Return the words of a type of drive; ValueError for a model that it does not have."""
-    known = MODELS[type_]
-    require_choice(f"{type_}: drive.model", model or known[0], known)
-    return _MADE[type_](model or known[0])
+    make, models = PROTOCOLS[type_]
+    require_choice(f"{type_}: drive.model", model or models[0], models)
+    return make(model or models[0])
 
 
 def turns_azimuth_alone(type_: str, model: str) -> bool:
     """Return whether this model of a type is known to have no elevation axis."""
-    return model in MODELS.get(type_, ()) and not protocol_of(type_, model).has_elevation
-
-
-PROTOCOLS = {type_: partial(protocol_of, type_) for type_ in MODELS}
-"""The words of each type of drive, made for a model of it."""
+    known = type_ in PROTOCOLS and model in PROTOCOLS[type_][1]
+    return known and not protocol_of(type_, model).has_elevation

@@ -8,17 +8,13 @@ A package of one's own registers a factory in its setup.cfg, which takes `DriveP
 """
 
 import math
-from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING
 
 from rf_pointing.core.checks import one_of
 from rf_pointing.core.lazy import installed
 from rf_pointing.core.types import Pair
 from rf_pointing.drives.drive import Drive
 from rf_pointing.drives.params import DriveParams
-
-if TYPE_CHECKING:
-    from rf_pointing.drives.protocols import DeviceProtocol
+from rf_pointing.drives.protocols import PROTOCOLS, protocol_of
 
 ENTRY_POINTS = "rf_pointing.drives"
 SIMULATED_ROTATOR = "simulated_rotator"
@@ -28,26 +24,19 @@ SIMULATED = ("simulated", SIMULATED_ROTATOR)
 
 def known_types() -> list[str]:
     """Return the names of the drives that `make_drive` can make here."""
-    return [SIMULATED_ROTATOR, *_protocols(), *installed(ENTRY_POINTS)]
-
-
-def _protocols() -> "Mapping[str, Callable[[str], DeviceProtocol]]":
-    # Imported here: only the control unit of such a device needs their tables.
-    from rf_pointing.drives.protocols import PROTOCOLS
-
-    return PROTOCOLS
+    return [SIMULATED_ROTATOR, *PROTOCOLS, *installed(ENTRY_POINTS)]
 
 
 def takes_positions(kind: str) -> bool:
     """Whether a drive of this package takes positions; one of an entry point says so itself."""
-    return kind == SIMULATED_ROTATOR or kind in _protocols()
+    return kind == SIMULATED_ROTATOR or kind in PROTOCOLS
 
 
 def simulated(params: DriveParams) -> DriveParams:
     """Return the drive of a simulation of the antenna: no simulation connects to a device."""
-    if params.type not in _protocols():
+    if params.type not in PROTOCOLS:
         return params if params.type == SIMULATED_ROTATOR else params.replace(type="simulated")
-    protocol = map(math.radians, _protocols()[params.type](params.model).resolution_deg)
+    protocol = map(math.radians, protocol_of(params.type, params.model).resolution_deg)
     rows = zip(params.rotator.resolution_rad, protocol, strict=True)
     rotator = params.rotator.replace(resolution_rad=tuple(own or theirs for own, theirs in rows))
     return params.replace(type=SIMULATED_ROTATOR, rotator=rotator)
@@ -62,16 +51,15 @@ def make_drive(params: DriveParams, start_rad: Pair = (0.0, 0.0)) -> Drive:
         from rf_pointing.drives.simulated_rotator import SimulatedRotator
 
         return SimulatedRotator(params, start_rad)
-    if params.type in _protocols():
+    if params.type in PROTOCOLS:
         from rf_pointing.drives.polled import PolledDrive
 
-        return PolledDrive(_protocols()[params.type](params.model), params)
+        return PolledDrive(protocol_of(params.type, params.model), params)
     if point := installed(ENTRY_POINTS).get(params.type):
         made: Drive = point.load()(params)
         return made
     if params.type in ("simulated", "topic"):
-        raise ValueError(
-            f"drive.type={params.type!r} is made by antenna_servo, and topic by check_drive --namespace"
-        )
+        makers = "antenna_servo, and topic by check_drive --namespace"
+        raise ValueError(f"drive.type={params.type!r} is made by {makers}")
     known = one_of(params.type, ("simulated", "topic", *known_types()))
     raise ValueError(f"drive.type={params.type!r} must be {known}")

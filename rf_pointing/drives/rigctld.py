@@ -88,9 +88,8 @@ class Rig:
         for line in lines:
             self._take(line.strip().decode("ascii", errors="replace"), t_s)
         if len(rest) > LONGEST_LINE or len(self._fields) > LONGEST_LINE:
-            self._lose(
-                t_s, f"it answers without an end: {door.shown(rest.decode(errors='replace'))}"
-            )
+            shown = door.shown(rest.decode(errors="replace"))
+            self._lose(t_s, f"it answers without an end: {shown}")
         elif self._pending and t_s - self._pending[0][1] > self._timing.lost_s:
             sent, sent_s = self._pending[0]
             self._lose(t_s, f"no answer to {_name(sent)} for {t_s - sent_s:.1f} s")
@@ -217,11 +216,8 @@ class RigWords(door.ServedWords):
             return 0, "", ()
         (text,) = arguments
         if not door.NUMBER.fullmatch(text) or not 0.0 <= float(text) <= HIGHEST_HZ:
-            return (
-                door.INVALID,
-                f"{name} {door.shown(text)} must be a number from 0 to {HIGHEST_HZ:g}",
-                (),
-            )
+            must = f"must be a number from 0 to {HIGHEST_HZ:g}"
+            return door.INVALID, f"{name} {door.shown(text)} {must}", ()
         return 0, "", (float(text),)
 
     def fields(self, order: door.Order) -> door.Fields | None:

@@ -58,10 +58,7 @@ class _Axis:
 
 
 class Rotator:
-    """A drive that takes positions, in continuous joint angles; `step` once a tick.
-
-    `latency_s` is the measured time from a set point to the motion, at first the stated one.
-    """
+    """A drive of positions in continuous joint angles; `latency_s` is measured, at first stated."""
 
     def __init__(self, drive: Drive, params: RotatorParams) -> None:
         self.drive, self.params = drive, params
@@ -192,10 +189,7 @@ class Rotator:
         return self._axes[0].sent, self._axes[1].sent
 
     def follow(self, t_s: float, motion: Motion, goal: Motion) -> None:
-        """Let the device follow `motion`, which chases `goal`; no set point passes the goal.
-
-        A motion that is its own goal is a stop.
-        """
+        """Follow `motion`, which chases `goal` (itself for a stop); no set point passes it."""
         if self.reading is None:
             return
         # Also while nothing may be sent: how long a motion has lasted does not wait for it.
@@ -208,10 +202,9 @@ class Rotator:
         for axis in (0, 1):
             if wanted[axis] is None:
                 wanted[axis] = self._wanted(axis, t_s, motion, goal, early_s)
-        azimuth, elevation = (
-            self._kept(axis) if each is None else each for axis, each in enumerate(wanted)
-        )
-        self._send(t_s, (azimuth, elevation))
+        first, second = wanted
+        azimuth = self._kept(0) if first is None else first
+        self._send(t_s, (azimuth, self._kept(1) if second is None else second))
 
     def stop(self) -> None:
         """Stop the device where it is."""

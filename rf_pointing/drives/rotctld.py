@@ -137,11 +137,8 @@ class RotatorWords(door.ServedWords):
             if not door.NUMBER.fullmatch(text):
                 return door.INVALID, f"{axis} {door.shown(text)} is not a number", ()
             if not low <= float(text) <= high:
-                return (
-                    door.INVALID,
-                    f"{axis} {door.shown(text)} must be {low:g} to {high:g} deg",
-                    (),
-                )
+                must = f"must be {low:g} to {high:g} deg"
+                return door.INVALID, f"{axis} {door.shown(text)} {must}", ()
         return 0, "", tuple(map(float, arguments))
 
     def fields(self, order: door.Order) -> door.Fields | None:

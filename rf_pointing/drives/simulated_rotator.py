@@ -13,20 +13,13 @@ from rf_pointing.drives.params import DriveParams, RotatorParams
 
 
 class RotatorModel:
-    """Both axes of a relay rotator, exact at any step; `None` as a set point stops an axis.
+    """Both axes of a relay rotator, exact at any step; counts starts and reversals."""
 
-    `starts` counts how often each axis began to move, `reversals` how often into the other
-    direction.
-    """
-
-    def __init__(
-        self, params: RotatorParams, resolution_rad: Pair, position_rad: Pair, t_s: float = 0.0
-    ) -> None:
+    def __init__(self, params: RotatorParams, resolution_rad: Pair, position_rad: Pair) -> None:
         self.params, self.resolution_rad = params, resolution_rad
         self.position_rad = list(position_rad)
         self.starts, self.reversals = [0, 0], [0, 0]
-        self.powered = True
-        self._t_s = t_s
+        self._t_s = 0.0
         self._goal: list[float | None] = [None, None]
         self._direction = [0.0, 0.0]
         self._due: deque[tuple[float, Pair]] = deque()
@@ -78,7 +71,7 @@ class RotatorModel:
         # A negative time step is a clock that went back: nothing has moved.
         elapsed, self._t_s = max(0.0, t_s - self._t_s), t_s
         for axis, goal in enumerate(self._goal):
-            if goal is None or not self.powered:
+            if goal is None:
                 continue
             reach, away = elapsed * self.params.rate_rad_s[axis], goal - self.position_rad[axis]
             if abs(away) <= reach:

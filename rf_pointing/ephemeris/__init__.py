@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from rf_pointing.core.lazy import lazily
 
 if TYPE_CHECKING:
-    from rf_pointing.ephemeris.catalogue import CataloguePass, CatalogueSearch, CatalogueSky, find_catalogue_passes
+    from rf_pointing.ephemeris.catalogue import CataloguePass, CatalogueSky, find_catalogue_passes
     from rf_pointing.ephemeris.celestial import RADIO_SOURCES, moon, radio_source, sun
     from rf_pointing.ephemeris.earth_orientation import IersEarthOrientation
     from rf_pointing.ephemeris.elements import Elements, find_elements

@@ -22,7 +22,7 @@ from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
 from rf_pointing.core.dates import DAY_S, utc_text
 from rf_pointing.core.refraction import RadioRefraction
 from rf_pointing.core.types import Array, BoolArray
-from rf_pointing.ephemeris.earth_orientation import EarthOrientationSource, IersEarthOrientation
+from rf_pointing.ephemeris.earth_orientation import IersEarthOrientation
 from rf_pointing.ephemeris.elements import Elements
 from rf_pointing.ephemeris.look_angles import SENSES
 from rf_pointing.ephemeris.passes import Pass, find_passes, part_searched
@@ -117,7 +117,7 @@ def find_catalogue_passes(
     min_elevation_rad: float | Horizon, *,
     refraction: RadioRefraction | Literal["standard"] | None = "standard",
     light_time: str = "receive", max_age_s: float = 14.0 * DAY_S,
-    orientation: EarthOrientationSource | None = None,
+    orientation: IersEarthOrientation | None = None,
 ) -> CatalogueSearch:  # fmt: skip
     """Return the passes of all `elements` above an elevation or a horizon (apparent) in a time.
 
@@ -125,14 +125,13 @@ def find_catalogue_passes(
     decay in the interval, which are searched one by one up to there.
     """
     require_between("duration_s", duration_s, 60.0, 31.0 * DAY_S)
-    horizon, flat_rad = mask_of(min_elevation_rad)
     require_choice("light_time", light_time, SENSES)
     # The grid is even in UTC; a leap second in it would shift half of the orbit by 8 km.
     _refuse_leap_second(start_t_s, duration_s)
     air = RadioRefraction.standard(site.altitude_m) if refraction == "standard" else refraction
     # The grid knows true elevations: the mask goes through the refraction once, not every sample.
-    sine = math.sin(float(air.remove(flat_rad)) if air else flat_rad)
-    source: EarthOrientationSource = orientation or IersEarthOrientation()
+    horizon, sine = mask_of(min_elevation_rad, air)
+    source = orientation or IersEarthOrientation()
     options: dict[str, Any] = {"refraction": air, "light_time": light_time, "max_age_s": max_age_s}
     options["orientation"] = source
     passes: list[CataloguePass] = []
@@ -158,10 +157,7 @@ def find_catalogue_passes(
 
 
 class CatalogueSky:
-    """True directions of many objects at a few times: which of them is at a place of the sky.
-
-    Objects farther than `max_age_s` from their epoch at `t_s` are left out.
-    """
+    """True directions of many objects at a few times, those within `max_age_s` of their epoch."""
 
     def __init__(self, elements: Sequence[Elements], site: Site, t_s: float, max_age_s: float = 14.0 * DAY_S) -> None:
         self.elements, _ = _usable(elements, t_s, 0.0, max_age_s)
@@ -228,12 +224,9 @@ def _chunks(elements: list[Elements], duration_s: float) -> Iterator[tuple[list[
 
 def _sampled(
     elements: list[Elements], site: Site, start_t_s: float, duration_s: float, step_s: float,
-    sense: float, orientation: EarthOrientationSource,
+    sense: float, orientation: IersEarthOrientation,
 ) -> tuple[Array, NDArray[np.uint8]]:  # fmt: skip
-    """Return positions (objects, times, 3) east-north-up and the SGP4 error codes, 0 for none.
-
-    The times reach as far beyond the search as a polynomial leans on them.
-    """
+    """Return positions (objects, times, 3) east-north-up, `LEAN` more times, and SGP4 errors."""
     count = round(duration_s / step_s)
     t_s = start_t_s + step_s * np.arange(-LEAN[0], count + LEAN[1], dtype=np.float64)
     orbit, codes = _orbits([_record(one, start_t_s) for one in elements], t_s, orientation)
@@ -241,7 +234,7 @@ def _sampled(
 
 
 def _orbits(
-    records: list[Satrec], t_s: Array, orientation: EarthOrientationSource
+    records: list[Satrec], t_s: Array, orientation: IersEarthOrientation
 ) -> tuple[StateVector, NDArray[np.uint8]]:
     """Return Earth-fixed motions (objects, times) and the SGP4 error code of each object."""
     days = np.floor(t_s / DAY_S)

@@ -8,6 +8,7 @@ longitude are those of `PLANETS`.
 """
 
 import math
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -20,7 +21,7 @@ from rf_pointing.core import require_between, require_choice
 from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
 from rf_pointing.core.dates import DAY_S
 from rf_pointing.ephemeris.celestial_frame import EARTH_RATE_RAD_S, earth_fixed_from_gcrs, tt_parts
-from rf_pointing.ephemeris.earth_orientation import EarthOrientationSource, IersEarthOrientation
+from rf_pointing.ephemeris.earth_orientation import IersEarthOrientation
 from rf_pointing.ephemeris.state_vector import OFFSETS, StateVector, Vector, motion_from_positions
 
 _AU_M = 149597870700.0
@@ -42,11 +43,11 @@ class CelestialTarget:
 
     def __init__(
         self, name: str, position: Callable[[Any], Any], *, unit_m: float = _AU_M,
-        at_infinity: bool = False, orientation: EarthOrientationSource | None = None,
+        at_infinity: bool = False, orientation: IersEarthOrientation | None = None,
     ) -> None:  # fmt: skip
         self.name, self.at_infinity = name, at_infinity
         self._position, self._unit_m = position, unit_m
-        self.orientation: EarthOrientationSource = orientation or IersEarthOrientation()
+        self.orientation = orientation or IersEarthOrientation()
 
     def motion_at(self, t_s: Any, ahead_s: float = 0.0) -> StateVector:
         """Return the inertial motion [m] in Earth-fixed axes at UTC times."""
@@ -70,12 +71,12 @@ def _planet_at(number: int, t_s: Any) -> Any:
     return erfa.plan94(*tt_parts(t_s), number)["p"] + _sun_at(t_s)
 
 
-def sun(orientation: EarthOrientationSource | None = None) -> CelestialTarget:
+def sun(orientation: IersEarthOrientation | None = None) -> CelestialTarget:
     """Return the centre of the Sun."""
     return CelestialTarget("Sun", _sun_at, orientation=orientation)
 
 
-def moon(orientation: EarthOrientationSource | None = None) -> CelestialTarget:
+def moon(orientation: IersEarthOrientation | None = None) -> CelestialTarget:
     """Return the centre of the Moon."""
     return CelestialTarget("Moon", _moon_at, orientation=orientation)
 
@@ -95,7 +96,7 @@ PLANETS = {
 }  # fmt: skip
 
 
-def planet(name: str, orientation: EarthOrientationSource | None = None) -> CelestialTarget:
+def planet(name: str, orientation: IersEarthOrientation | None = None) -> CelestialTarget:
     """Return the centre of a planet of `PLANETS`, good to the error given there."""
     number = list(PLANETS).index(name) + 1
     return CelestialTarget(name, partial(_planet_at, number), orientation=orientation)
@@ -119,7 +120,7 @@ class RadioSource:
         require_between("right_ascension_rad", self.right_ascension_rad, 0.0, 2.0 * math.pi)
         require_between("declination_rad", self.declination_rad, -0.5 * math.pi, 0.5 * math.pi)
 
-    def target(self, orientation: EarthOrientationSource | None = None) -> CelestialTarget:
+    def target(self, orientation: IersEarthOrientation | None = None) -> CelestialTarget:
         """Return the source as a target; its range is set to one light year and means nothing."""
         place = erfa.s2c(self.right_ascension_rad, self.declination_rad)
         sine, cosine = math.sin(self.right_ascension_rad), math.cos(self.right_ascension_rad)
@@ -166,7 +167,7 @@ _PLACES = {
 RADIO_SOURCES = {name: _source(name, *place) for name, place in _PLACES.items()}
 
 
-def radio_source(name: str, orientation: EarthOrientationSource | None = None) -> CelestialTarget:
+def radio_source(name: str, orientation: IersEarthOrientation | None = None) -> CelestialTarget:
     """Return the catalogued source of that name as a target; ValueError lists the names."""
     require_choice("radio_source", name, RADIO_SOURCES)
     return RADIO_SOURCES[name].target(orientation)
@@ -181,15 +182,10 @@ def own_place(text: str) -> RadioSource:
     if len(words) not in (2, 5):
         form = f"{OWN_PLACE} RA DEC [EAST NORTH EPOCH]"
         raise ValueError(f"satellite={text!r} must be {form} in deg, mas/year, year")
-    numbers = []
     for word in words:
-        try:
-            numbers.append(float(word))
-        except ValueError:
-            numbers.append(math.nan)
-        if not math.isfinite(numbers[-1]):
+        if not re.fullmatch(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]{1,2})?", word):
             raise ValueError(f"satellite={text!r}: {word!r} must be a number")
-    right, up, east, north, epoch = [*numbers, 0.0, 0.0, 2000.0][:5]
+    right, up, east, north, epoch = [*map(float, words), 0.0, 0.0, 2000.0][:5]
     mas = math.radians(1.0 / 3.6e6)
     return RadioSource(text, math.radians(right), math.radians(up), east * mas, north * mas, epoch)
 

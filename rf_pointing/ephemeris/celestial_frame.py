@@ -15,7 +15,7 @@ import numpy as np
 
 from rf_pointing.core.dates import DAY_S
 from rf_pointing.core.types import Array
-from rf_pointing.ephemeris.earth_orientation import EarthOrientationSource
+from rf_pointing.ephemeris.earth_orientation import IersEarthOrientation
 from rf_pointing.ephemeris.state_vector import StateVector, Vector, dot, turned_about_z
 from rf_pointing.ephemeris.time_scales import POSIX_EPOCH_JD, TT_MINUS_TAI_S, leap_seconds
 
@@ -32,7 +32,7 @@ def tt_parts(t_s: Any) -> tuple[Any, Any]:
     return POSIX_EPOCH_JD + days, seconds / DAY_S
 
 
-def earth_fixed_from_gcrs(motion: StateVector, t_s: Any, orientation: EarthOrientationSource) -> StateVector:
+def earth_fixed_from_gcrs(motion: StateVector, t_s: Any, orientation: IersEarthOrientation) -> StateVector:
     """Return the inertial motion in Earth-fixed axes at UTC times, from components in the GCRS."""
     rows = _intermediate_axes(t_s)
     intermediate = StateVector(*((dot(rows[0], v), dot(rows[1], v), dot(rows[2], v)) for v in motion.derivatives()))

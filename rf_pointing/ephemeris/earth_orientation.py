@@ -16,7 +16,7 @@ import math
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -82,10 +82,7 @@ def orientation_table() -> OrientationTable:
 
 
 def predicted(t_s: Array, values: tuple[Array, Array, Array], ahead_days: Array) -> tuple[Array, Array, Array]:
-    """Return UT1 - TAI [s] and the pole [rad] some days (m,) after the last of daily nodes (n,).
-
-    At least six years of nodes are needed.
-    """
+    """Return UT1 - TAI [s] and pole [rad] some days (m,) after nodes (n,) of six years or more."""
     ut2 = values[0] + _season_s(t_s)
     rate_s_day = (ut2[-1] - ut2[-1 - _RATE_DAYS]) / _RATE_DAYS
     ut1 = ut2[-1] + rate_s_day * ahead_days - _season_s(t_s[-1] + DAY_S * ahead_days)
@@ -154,21 +151,8 @@ class EarthOrientation:
     pole_y_rad: Any
 
 
-class EarthOrientationSource(Protocol):
-    """Anything that knows the orientation of the Earth at UTC times."""
-
-    def at(self, t_s: Any) -> EarthOrientation:
-        """Return the orientation at `t_s` (float or array); ValueError where it is not known."""
-
-    def sigmas_at(self, t_s: float) -> tuple[float, float]:
-        """Return the sigmas of UT1 [s] and of each coordinate of the pole [rad] at `t_s`."""
-
-    def warnings(self, t_s: float) -> tuple[str, ...]:
-        """Return the reasons why the orientation at `t_s` is less certain than a final value."""
-
-
 class IersEarthOrientation:
-    """The packaged tables and their continuation, read once by the process."""
+    """The packaged tables and their continuation, read once; another source has these methods."""
 
     def at(self, t_s: Any) -> EarthOrientation:
         """Return the orientation at UTC times (float or array).

@@ -223,10 +223,7 @@ def allowed_interval_s(address: str, every_s: float | None, default_s: float = D
 
 @functools.cache
 def current_elements(address: str) -> str:
-    """Bring the kept elements of an address up to date, once a process; return what went wrong.
-
-    Raises ValueError where there are no elements, not even old ones.
-    """
+    """Renew the kept elements once a process; return "" or why not, ValueError without any."""
     found = refresh(address, cache_folder(), time.time())
     if found.state == "none":
         raise ValueError(f"elements={address!r}: {found.problem}")
@@ -237,10 +234,7 @@ def current_elements(address: str) -> str:
 
 
 def fetched(addresses: Sequence[str], folder: Path, now_s: float, **options: Any) -> list[Outcome]:
-    """Return what became of every address, or of all that `folder` keeps; ValueError if none.
-
-    `options` are those of `refresh`.
-    """
+    """Refresh every address, or all that `folder` keeps, by `options`; ValueError without any."""
     _require_addresses(addresses)
     kept = [] if addresses else kept_outcomes((), folder, options.get("contents"))
     found = addresses or [one.record.address for one in kept]
@@ -248,10 +242,7 @@ def fetched(addresses: Sequence[str], folder: Path, now_s: float, **options: Any
 
 
 def kept_outcomes(addresses: Sequence[str], folder: Path, contents: Contents | None = None) -> list[Outcome]:
-    """Return what `folder` keeps of these addresses, or of all, without a request.
-
-    In order of address; ValueError where it keeps none of them.
-    """
+    """Return what `folder` keeps of some addresses or all, in order; ValueError for nothing."""
     _require_addresses(addresses)
     contents = contents or ELEMENTS
     states = folder.glob(f".*{contents.suffix}.json")

@@ -53,19 +53,13 @@ def delayed(relative: StateVector, antenna: StateVector, sense: float) -> tuple[
     of_target = dot(path, velocity) + dot(path, antenna.velocity) + shift * dot(path, antenna.acceleration)
     closing = of_target - dot(path, antenna.velocity)
     tau_rate = closing / (SPEED_OF_LIGHT_M_S * range_m + sense * of_target)
-    seen = _by_reception(position, velocity, acceleration, j, sense, tau_rate)
-    return seen, range_m, tau_rate * SPEED_OF_LIGHT_M_S
-
-
-def _by_reception(r: Vector, v: Vector, a: Vector, j: Vector, sense: float, tau_rate: Any) -> StateVector:
-    """Turn derivatives by u into derivatives by t: du/dt = 1 - sigma tau'."""
-    _, _, curvature = _length(r, v, a)
-    # Without it the rates would be those at the target's clock, off by v/c.
+    _, _, curvature = _length(position, velocity, acceleration)
+    # Derivatives by u become those by t, du/dt = 1 - sigma tau': those by u are off by v/c.
     clock = 1.0 - sense * tau_rate
     tau_acceleration = curvature * clock**3 / SPEED_OF_LIGHT_M_S
-    velocity = combined((clock, v))
-    acceleration = combined((clock * clock, a), (-sense * tau_acceleration, v))
-    return StateVector(r, velocity, acceleration, j)
+    acceleration = combined((clock * clock, acceleration), (-sense * tau_acceleration, velocity))
+    seen = StateVector(position, combined((clock, velocity)), acceleration, j)
+    return seen, range_m, tau_rate * SPEED_OF_LIGHT_M_S
 
 
 def moved_across(motion: StateVector, offset_rad: float, axis: Vector | None = None) -> StateVector:
@@ -89,11 +83,11 @@ def moved_towards(motion: StateVector, offset_rad: float, axis: Vector) -> State
 def moved_about(motion: StateVector, offset_rad: float, axis: Vector) -> StateVector:
     """Return the motion turned about a unit axis, counterclockwise seen from its end."""
     c, s = math.cos(offset_rad), math.sin(offset_rad)
-    rows = (
-        combined((c, each), (s, cross(axis, each)), ((1.0 - c) * dot(axis, each), axis))
-        for each in motion.derivatives()
-    )  # fmt: skip
-    return StateVector(*rows)
+
+    def turned(v: Vector) -> Vector:
+        return combined((c, v), (s, cross(axis, v)), ((1.0 - c) * dot(axis, v), axis))
+
+    return StateVector(*map(turned, motion.derivatives()))
 
 
 def _across(motion: StateVector, offset_rad: float, axis: Vector | None) -> Unit:

@@ -26,13 +26,14 @@ from rf_pointing.core.kvn import key_and_value
 from rf_pointing.core.types import Array
 from rf_pointing.ephemeris import time_scales
 from rf_pointing.ephemeris.celestial_frame import EARTH_RATE_RAD_S, earth_fixed_from_gcrs
-from rf_pointing.ephemeris.earth_orientation import EarthOrientationSource, IersEarthOrientation
+from rf_pointing.ephemeris.earth_orientation import IersEarthOrientation
 from rf_pointing.ephemeris.sgp4_orbit import GMST_RATE_RAD_S, earth_fixed_from_teme
 from rf_pointing.ephemeris.state_vector import StateVector, Vector, rotated, seen_from_rotating_axes
 from rf_pointing.ephemeris.time_scales import leap_seconds, tai_from_utc_calendar, utc_from_tai_s
 from rf_pointing.ephemeris.track import TargetSource
 
-METHODS = ("HERMITE", "LAGRANGE", "LINEAR")
+_LEAST_DEGREE = {"HERMITE": 3, "LAGRANGE": 1, "LINEAR": 1}
+METHODS = tuple(_LEAST_DEGREE)
 _SCALES = ("UTC", "TAI", "TT", "GPS", "TDB")
 _REQUIRED = ("OBJECT_NAME", "OBJECT_ID", "CENTER_NAME", "REF_FRAME", "TIME_SYSTEM", "START_TIME", "STOP_TIME")
 _CELESTIAL = ("GCRF", "ICRF", "EME2000", "J2000")
@@ -43,7 +44,6 @@ _J2000 = erfa.DJ00, 0.0
 # The controller's differences reach a little beyond the time that is wanted.
 EDGE_S = 1.0
 _MAX_DEGREE = 15
-_LEAST_DEGREE = {"HERMITE": 3, "LAGRANGE": 1, "LINEAR": 1}
 # Twice as far as the Earth holds a satellite; states in metres taken for km would lie beyond it.
 _FARTHEST_M = 3e9
 # No satellite moves at so many times the speed of escape; turning axes may add to it.
@@ -131,7 +131,10 @@ def read_oem(text: str, _name: str = "") -> Iterator[OemSegment | ValueError]:
             elif place == "covariance":
                 _take_covariance(draft, line, number)
             else:
-                _take_keyword(draft.meta, line, number)
+                key, value = key_and_value(line, number) or ("", "")
+                if key in draft.meta:
+                    raise ValueError(f"line {number}: {key} is given twice")
+                draft.meta[key] = value
         except ValueError as error:
             if draft is None:
                 raise
@@ -139,13 +142,6 @@ def read_oem(text: str, _name: str = "") -> Iterator[OemSegment | ValueError]:
     if draft is None:
         raise ValueError("OEM has no META_START")
     yield draft.segment()
-
-
-def _take_keyword(into: dict[str, str], line: str, number: int) -> None:
-    key, value = key_and_value(line, number) or ("", "")
-    if key in into:
-        raise ValueError(f"line {number}: {key} is given twice")
-    into[key] = value
 
 
 def _take_covariance(draft: Draft, line: str, number: int) -> None:
@@ -211,20 +207,17 @@ def oem_text(
     turning = seen_from_rotating_axes(inertial, target.rotation_rate_rad_s)
     columns = np.array([*turning.position, *turning.velocity]).T / 1e3
     epochs = [to_utc_text(float(t_s)) for t_s in times]
-    head = {
-        "CCSDS_OEM_VERS": "2.0", "CREATION_DATE": to_utc_text(created_t_s), "ORIGINATOR": originator,
-    }  # fmt: skip
+    created = f"CREATION_DATE = {to_utc_text(created_t_s)}"
+    lines = ["CCSDS_OEM_VERS = 2.0", created, f"ORIGINATOR = {originator}", "", "META_START"]
     meta = {
         "OBJECT_NAME": target.name, "OBJECT_ID": object_id, "CENTER_NAME": "EARTH", "REF_FRAME": "ITRF-2020",
         "TIME_SYSTEM": "UTC", "START_TIME": epochs[0], "STOP_TIME": epochs[-1], "INTERPOLATION": "HERMITE",
         "INTERPOLATION_DEGREE": "7",
     }  # fmt: skip
-    lines = [f"{key} = {value}" for key, value in head.items()]
-    lines += ["", "META_START", *(f"{key} = {value}" for key, value in meta.items()), "META_STOP", ""]
-    states = [
-        f"{epoch} " + " ".join(f"{value:.9f}" for value in row) for epoch, row in zip(epochs, columns, strict=True)
-    ]
-    return "\n".join([*lines, *states, *_covariance_lines(covariances)]) + "\n"
+    lines += [*(f"{key} = {value}" for key, value in meta.items()), "META_STOP", ""]
+    for epoch, row in zip(epochs, columns, strict=True):
+        lines.append(" ".join([epoch, *(f"{value:.9f}" for value in row)]))
+    return "\n".join([*lines, *_covariance_lines(covariances)]) + "\n"
 
 
 def _covariance_lines(covariances: Sequence[StateCovariance]) -> list[str]:
@@ -393,7 +386,7 @@ class OemTarget:
     at_infinity = False
 
     def __init__(
-        self, segments: Sequence[OemSegment], orientation: EarthOrientationSource | None = None, *,
+        self, segments: Sequence[OemSegment], orientation: IersEarthOrientation | None = None, *,
         interpolation: tuple[str, int] | None = None,
     ) -> None:  # fmt: skip
         if not segments or len({segment.object_id for segment in segments}) != 1:
@@ -408,7 +401,7 @@ class OemTarget:
         self._frame = frame
         self._segments = tuple(segments)
         self._windows = tuple(_window_size(segment, interpolation) for segment in segments)
-        self._earth: EarthOrientationSource = orientation or IersEarthOrientation()
+        self._earth = orientation or IersEarthOrientation()
         self.orientation = None if frame.startswith("ITRF") else self._earth
         # One window serves many control periods; a solve costs far more than an evaluation.
         self._polynomial = lru_cache(maxsize=4096)(self._solved_polynomial)

@@ -77,10 +77,7 @@ class OrbitFile:
 
 
 def read_orbits(text: str, name: str = "") -> OrbitFile:
-    """Return what a text holds; ValueError for one without a single good orbit.
-
-    `name` is that of its file, which names the object of formats that do not.
-    """
+    """Return what the text of file `name` holds; ValueError for one without a single good orbit."""
     text = text.removeprefix("\ufeff")
     form = next(form for form in FORMATS if re.match(rf"(?i)\s*(?:{form.begins})", text))
     found = OrbitFile(form.name)

@@ -92,9 +92,8 @@ def _passes_of(
     track: TopocentricTrack, start_t_s: float, duration_s: float, min_elevation_rad: float | Horizon
 ) -> list[Pass]:
     """Return the passes in a time for which the target is known throughout."""
-    horizon, flat_rad = mask_of(min_elevation_rad)
-    motion, air = _motion(track, start_t_s, duration_s), track.refraction
-    sine = math.sin(float(air.remove(flat_rad)) if air else flat_rad)
+    horizon, sine = mask_of(min_elevation_rad, track.refraction)
+    motion = _motion(track, start_t_s, duration_s)
     stays = stays_above(motion, sine, _STEP_S)
     if horizon is None:
         return _described(track, motion, stays, sine)
@@ -276,10 +275,7 @@ def _exact(
 
 
 def _largest(times: Array, value: Array, slope: Array) -> Array:
-    """Return the largest values (m, n) of curves (m, n, k) at times (n, k), by their slopes.
-
-    Between two points a curve is the cubic through them.
-    """
+    """Return the largest values (m, n) of cubics by values and slopes (m, n, k) at (n, k)."""
     curve, row, k = np.nonzero((slope[..., 1:] < 0.0) & (slope[..., :-1] >= 0.0))
     h, y, last = times[row, k + 1] - times[row, k], value[curve, row, k], value[curve, row, k + 1]
     m, end = slope[curve, row, k], slope[curve, row, k + 1]

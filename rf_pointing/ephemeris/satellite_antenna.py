@@ -35,9 +35,8 @@ class SatelliteAntennaParams(Params):
     @cached_property
     def axis(self) -> Vector:
         """Unit vector along the antenna's axis in F_o."""
-        (cr, sr), (cp, sp), (cy, sy) = (
-            (math.cos(angle), math.sin(angle)) for angle in (self.roll_rad, self.pitch_rad, self.yaw_rad)
-        )
+        turns = self.roll_rad, self.pitch_rad, self.yaw_rad
+        (cr, sr), (cp, sp), (cy, sy) = ((math.cos(turn), math.sin(turn)) for turn in turns)
         return cy * sp * cr + sy * sr, sy * sp * cr - cy * sr, cp * cr
 
     def turned(self, quaternion: tuple[float, float, float, float]) -> "SatelliteAntennaParams":

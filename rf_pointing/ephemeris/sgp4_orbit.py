@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from sgp4.api import SGP4_ERRORS, Satrec
 
 from rf_pointing.core.dates import DAY_S, utc_text
-from rf_pointing.ephemeris.earth_orientation import EarthOrientationSource
+from rf_pointing.ephemeris.earth_orientation import IersEarthOrientation
 from rf_pointing.ephemeris.elements import Elements
 from rf_pointing.ephemeris.state_vector import OFFSETS, StateVector, motion_from_positions, turned_about_z
 from rf_pointing.ephemeris.time_scales import POSIX_EPOCH_JD, leap_seconds
@@ -42,7 +42,7 @@ class Sgp4Orbit:
     rotation_rate_rad_s = GMST_RATE_RAD_S
     at_infinity = False
 
-    def __init__(self, elements: Elements, orientation: EarthOrientationSource, *, max_age_s: float) -> None:
+    def __init__(self, elements: Elements, orientation: IersEarthOrientation, *, max_age_s: float) -> None:
         if not max_age_s > 0.0:
             raise ValueError(f"max_age_s={max_age_s} must be > 0")
         self.elements = elements
@@ -134,7 +134,7 @@ class Sgp4Orbit:
             raise ValueError(f"t_s={np.max(t_s)} is {age_s / DAY_S:.2f} days from {epoch}, {bound}")
 
 
-def earth_fixed_from_teme(motion: StateVector, t_s: Any, orientation: EarthOrientationSource) -> StateVector:
+def earth_fixed_from_teme(motion: StateVector, t_s: Any, orientation: IersEarthOrientation) -> StateVector:
     """Return the inertial motion in Earth-fixed axes at UTC times, from TEME of date."""
     earth = orientation.at(t_s)
     days = t_s // DAY_S

@@ -48,9 +48,8 @@ class Site(Params):
     @classmethod
     def from_degrees(cls, latitude_deg: float, longitude_deg: float, altitude_m: float) -> "Site":
         """Return the site at coordinates in degrees."""
-        return cls(
-            latitude_rad=math.radians(latitude_deg), longitude_rad=math.radians(longitude_deg), altitude_m=altitude_m
-        )
+        north, east = math.radians(latitude_deg), math.radians(longitude_deg)
+        return cls(latitude_rad=north, longitude_rad=east, altitude_m=altitude_m)
 
     @cached_property
     def position_m(self) -> Vector:

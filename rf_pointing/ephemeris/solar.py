@@ -51,10 +51,8 @@ class SunPermit:
             raise ValueError(f"band={self.band!r} must be {band!r}, the band in use")
         ahead_s = self.until_t_s - t_s
         if not 0.0 < ahead_s <= LONGEST_PERMIT_S:
-            raise ValueError(
-                f"until={utc_text(self.until_t_s)} is {ahead_s:.0f} s ahead, "
-                f"must be > 0 and <= {LONGEST_PERMIT_S:.0f} s"
-            )
+            bound = f"must be > 0 and <= {LONGEST_PERMIT_S:.0f} s"
+            raise ValueError(f"until={utc_text(self.until_t_s)} is {ahead_s:.0f} s ahead, {bound}")
 
     @property
     def text(self) -> str:

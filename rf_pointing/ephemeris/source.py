@@ -35,10 +35,7 @@ BODIES: dict[str, Callable[[], TargetSource]] = {
 
 
 def body_of(name: str) -> TargetSource | None:
-    """Return the body of the sky or the place `radec ...` that a name means, None for others.
-
-    ValueError for a place that cannot be read.
-    """
+    """Return the body or place `radec ...` of a name, else None; ValueError if malformed."""
     if name.casefold().split()[:1] == [celestial.OWN_PLACE]:
         return celestial.own_place(name).target()
     made = BODIES.get(name.casefold())
@@ -88,10 +85,8 @@ def load_target(params: SourceParams) -> Elements | TargetSource:
         return body
     if not params.elements and not params.satellite:
         bodies = ", ".join(name.title() for name in BODIES)
-        raise ValueError(
-            "no target is named: elements='' must be a file, a folder or an address of elements, "
-            f"or satellite='' one of {bodies}"
-        )
+        place = "elements='' must be a file, a folder or an address of elements"
+        raise ValueError(f"no target is named: {place}, or satellite='' one of {bodies}")
     if not params.elements:
         return find_elements(verification_elements(), params.satellite)
     contents = read_source(params.elements)
@@ -102,10 +97,7 @@ def load_target(params: SourceParams) -> Elements | TargetSource:
 
 
 def load_catalogue(elements: str) -> list[Elements]:
-    """Return the newest elements of every object of a file, folder or address.
-
-    "" means the verification set.
-    """
+    """Return the newest elements of each object at a place, "" of the verification set."""
     found = read_source(elements).elements if elements else verification_elements()
     if not found:
         raise ValueError(f"elements={elements!r} holds an ephemeris and no elements")
@@ -136,16 +128,6 @@ def refraction_at(params: SourceParams, station: Site) -> RadioRefraction | None
     return kinds.get(params.refraction, RadioRefraction.standard(station.altitude_m))
 
 
-def first_time_s(params: SourceParams) -> float:
-    """Return the epoch of the elements or the beginning of the ephemeris; ValueError for bodies."""
-    target = load_target(params)
-    if isinstance(target, Elements):
-        return target.epoch_t_s
-    if isinstance(target, OemTarget):
-        return target.spans_t_s[0][0]
-    raise ValueError(f"{target.name} has no epoch: say when to look for it (start)")
-
-
 @dataclass(frozen=True)
 class SourceContents:
     """Elements of a file or of the files of a folder, by the name of the file or folder.
@@ -160,7 +142,8 @@ class SourceContents:
 
     def find(self, params: SourceParams) -> Elements | OemTarget:
         """Return the wanted object: its elements, or else its ephemeris."""
-        wanted = params.satellite.strip() or self.first
+        first = self.elements[0].catalogue_number if self.elements else self.segments[0].name
+        wanted = params.satellite.strip() or str(first)
         # An OEM names its object and its designator; either is accepted.
         key = wanted.strip().casefold()
         found = [segment for segment in self.segments if key in (segment.name.casefold(), segment.object_id.casefold())]
@@ -181,11 +164,6 @@ class SourceContents:
             for label in {one.name.casefold(), str(one.catalogue_number)}:
                 found.setdefault(label, []).append(one)
         return found
-
-    @property
-    def first(self) -> str:
-        """Name of the first object."""
-        return str(self.elements[0].catalogue_number) if self.elements else self.segments[0].name
 
 
 def read_source(location: str) -> SourceContents:

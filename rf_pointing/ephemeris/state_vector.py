@@ -149,10 +149,7 @@ _STENCILS = (
 
 
 def motion_from_positions(positions: Any, step_s: float, unit_m: float) -> StateVector:
-    """Return the motion in metres of five positions in `unit_m`; errors h^4, of the jerk h^2.
-
-    The positions are five vectors, or an array (5, n, 3).
-    """
+    """Return the motion [m] of five positions in `unit_m`, vectors or (5, n, 3); errors h^4."""
     if isinstance(positions, np.ndarray):
         positions = np.ascontiguousarray(positions.transpose(0, 2, 1))
     orders = (_weighted(positions, weights, unit_m / step_s**k) for k, weights in enumerate(_STENCILS))

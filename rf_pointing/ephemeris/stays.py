@@ -15,6 +15,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from rf_pointing.core import require_between
+from rf_pointing.core.refraction import RadioRefraction
 from rf_pointing.core.roots import roots_between
 from rf_pointing.core.types import Array, BoolArray, IntArray
 
@@ -58,10 +59,7 @@ class SkyMotion:
 
     @classmethod
     def through(cls, enu_m: Array, start_t_s: float, step_s: float) -> "SkyMotion":
-        """Return the motion through positions (objects, times, 3), `LEAN` of them before and after.
-
-        From one to the next it is a polynomial through the ten around.
-        """
+        """Return the motion through positions (objects, times, 3), each step by ten around it."""
         windows = sliding_window_view(enu_m.transpose(2, 0, 1), len(_NODES), axis=2)
         powers = np.tensordot(_LAGRANGE, windows, axes=(1, 3))
         return cls(start_t_s, step_s, powers.reshape(len(_NODES), 3, -1), len(enu_m))
@@ -95,10 +93,7 @@ class SkyMotion:
         return list(np.einsum("okn,kcn->ocn", self._bases(place - node, orders), here))
 
     def grid(self, step_s: float) -> tuple[Array, Array, Array]:
-        """Return even times, nodes among them, no more than `step_s` apart, and `height` there.
-
-        The arrays are (objects, n).
-        """
+        """Return even times (objects, n) <= `step_s` apart, with nodes, and `height` there."""
         parts = math.ceil(self.step_s / step_s)
         bases = self._bases(np.arange(parts + 1) / parts, 2).swapaxes(1, 2)
         even = bases @ self.coefficients.reshape(len(self.coefficients), -1)
@@ -174,20 +169,26 @@ class Stays(NamedTuple):
         return place[best], best >= 2 * count
 
 
-def mask_of(min_elevation_rad: float | Horizon) -> tuple[Horizon | None, float]:
-    """Return the horizon, if it is one, and an elevation below which no stay reaches."""
-    if not callable(min_elevation_rad):
-        require_between("min_elevation_rad", min_elevation_rad, -0.01, np.pi / 2)
-        return None, float(min_elevation_rad)
-    # Below all of it, so that every crossing of it is found.
-    lowest = np.min(min_elevation_rad(np.linspace(0.0, 2.0 * np.pi, _HORIZON_POINTS)))
-    flat_rad = float(lowest) - _HORIZON_MARGIN_RAD
-    require_between("min_elevation_rad", flat_rad, -0.2, np.pi / 2)
-    return min_elevation_rad, flat_rad
+def mask_of(
+    min_elevation_rad: float | Horizon, air: RadioRefraction | None
+) -> tuple[Horizon | None, float]:  # fmt: skip
+    """Return the horizon, if it is one, and a sine of true elevations that all stays are above."""
+    horizon = min_elevation_rad if callable(min_elevation_rad) else None
+    if callable(min_elevation_rad):
+        # Below all of it, so that every crossing of it is found.
+        around = min_elevation_rad(np.linspace(0.0, 2.0 * np.pi, _HORIZON_POINTS))
+        min_elevation_rad = float(np.min(around)) - _HORIZON_MARGIN_RAD
+    require_between("min_elevation_rad", min_elevation_rad, -0.2 if horizon else -0.01, np.pi / 2)
+    return horizon, math.sin(air.remove(min_elevation_rad) if air else min_elevation_rad)
 
 
 def stays_above(motion: SkyMotion, sine: float, step_s: float) -> Stays:
     """Return the stays whose true elevation has a sine above `sine`, searched at a step."""
+
+    def over_mask(t_s: Array) -> list[Array]:
+        height, rate = motion.height(t_s, 2)
+        return [height - sine, rate]
+
     times, heights, rates = motion.grid(step_s)
     grid, height, rate = times.ravel(), heights.ravel(), rates.ravel()
     edge = np.zeros(times.shape, dtype=np.int8)
@@ -200,7 +201,8 @@ def stays_above(motion: SkyMotion, sine: float, step_s: float) -> Stays:
     reach = height[turns] + rate[turns] * wide_s, height[turns + 1] - rate[turns + 1] * wide_s
     turns = turns[np.where(rate[turns] > 0.0, np.maximum(*reach) > sine, np.minimum(*reach) < sine)]
     around = (grid[turns], grid[turns + 1]), (rate[turns], rate[turns + 1])
-    turning, turned = _turning(motion, *around)
+    turning = _root(lambda t_s: motion.height(t_s, 3)[1:], *around)
+    turned = motion.height(turning, 2)[0]
     peaks = turning[rate[turns] > 0.0]
     # Grid and turning points in time order: between two of them the height is monotonic.
     knots, over = np.empty((2, len(grid) + len(turns)))
@@ -213,46 +215,28 @@ def stays_above(motion: SkyMotion, sine: float, step_s: float) -> Stays:
     above = over > 0.0
     change = np.flatnonzero((above[1:] != above[:-1]) & (bounds[1:] != 1))
     around = (knots[change], knots[change + 1]), (over[change], over[change + 1])
-    crossings = _crossings(motion, sine, *around)
+    crossings = _root(over_mask, *around)
     rise = np.sort(np.concatenate([knots[above & (bounds == 1)], crossings[above[change + 1]]]))
     fall = np.sort(np.concatenate([crossings[above[change]], knots[above & (bounds == 2)]]))
     lasts = fall > rise
     return Stays(rise[lasts], fall[lasts], peaks, times[:, [0, -1]].ravel())
 
 
-def _turning(motion: SkyMotion, ends: Pairs, rates: Pairs) -> tuple[Array, Array]:
-    """Return where the height turns between `ends` (n,), by its rates there, and it."""
+def _root(function: Callable[[Array], list[Array]], ends: Pairs, values: Pairs) -> Array:
+    """Return where a function (value, slope) crosses 0 between `ends` (n,), by `values`."""
     low, high = ends
-    at = low + (high - low) * rates[0] / (rates[0] - rates[1])
+    at = low + (high - low) * values[0] / (values[0] - values[1])
     for _ in range(_NEWTON):
-        height, rate, bend = motion.height(at, 3)
-        step_s = rate / np.where(bend == 0.0, 1e-30, bend)
-        at = np.minimum(np.maximum(at - step_s, low), high)
-        astray = np.abs(step_s) >= _SETTLED_S
-        if not np.any(astray):
-            # The last step changes the height by half of what its slope alone would.
-            return at, height - 0.5 * step_s * rate
-    around = low[astray], high[astray]
-    at[astray] = roots_between(lambda t_s: motion.height(t_s, 2)[1], *around, _TIME_TOLERANCE_S)
-    return at, motion.height(at, 2)[0]
-
-
-def _crossings(motion: SkyMotion, sine: float, ends: Pairs, heights: Pairs) -> Array:
-    """Return where the height crosses the mask between `ends` (n,), above it by `heights` there."""
-    low, high = ends
-    crossings = low + (high - low) * heights[0] / (heights[0] - heights[1])
-    for _ in range(_NEWTON):
-        height, rate = motion.height(crossings, 2)
-        late_s = (height - sine) / np.where(rate == 0.0, 1e-30, rate)
-        crossings = np.minimum(np.maximum(crossings - late_s, low), high)
+        value, slope = function(at)
+        late_s = value / np.where(slope == 0.0, 1e-30, slope)
+        at = np.minimum(np.maximum(at - late_s, low), high)
         astray = np.abs(late_s) >= _SETTLED_S
         if not np.any(astray):
-            return crossings
+            return at
     # Newton's steps went astray near a peak at the mask.
-    crossings[astray] = roots_between(
-        lambda t_s: motion.height(t_s, 2)[0] - sine, low[astray], high[astray], _TIME_TOLERANCE_S
-    )
-    return crossings
+    around = low[astray], high[astray]
+    at[astray] = roots_between(lambda t_s: function(t_s)[0], *around, _TIME_TOLERANCE_S)
+    return at
 
 
 def parts_above(stays: Stays, clearance: Callable[[Array], Array], step_s: float) -> Stays:

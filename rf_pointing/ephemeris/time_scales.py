@@ -12,14 +12,13 @@ import re
 from bisect import bisect_right
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from rf_pointing.core.dates import DAY_S, minute_and_second, utc_text
-from rf_pointing.core.types import Array
 
 # Julian date of 1970-01-01T00:00:00.
 POSIX_EPOCH_JD = 2440587.5
@@ -43,12 +42,7 @@ class LeapSeconds:
         if isinstance(t_s, float):
             # Plain floats: it is called several times a control period.
             return self.offset_s[bisect_right(self.start_t_s, t_s) - 1]
-        starts, offsets = self._arrays
-        return offsets[np.searchsorted(starts, t_s, side="right") - 1]
-
-    @cached_property
-    def _arrays(self) -> tuple[Array, Array]:
-        return np.array(self.start_t_s), np.array(self.offset_s)
+        return np.array(self.offset_s)[np.searchsorted(self.start_t_s, t_s, side="right") - 1]
 
     def warnings(self, t_s: float) -> tuple[str, ...]:
         """Return the reason why the offset at `t_s` is not certain, if there is one."""

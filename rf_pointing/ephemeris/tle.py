@@ -88,11 +88,8 @@ def tle_columns(line: str) -> list[str]:
     """Return what looks like a line of a TLE in a line of any text, whole or damaged."""
     pieces = [line] if _LIKE_TLE.match(line) else [piece.strip() for piece in _AROUND.split(line)]
     # A short piece counts where a line begins: it may be the rest of a damaged one.
-    return [
-        piece
-        for place, piece in enumerate(pieces)
-        if _LIKE_TLE.match(piece) and (place == 0 or len(piece) >= _LEAST_INSIDE)
-    ]
+    whole = [pieces[0], *(piece for piece in pieces[1:] if len(piece) >= _LEAST_INSIDE)]
+    return [piece for piece in whole if _LIKE_TLE.match(piece)]
 
 
 def _name_in(text: str, before: str, *, table: bool = False) -> str:

@@ -5,7 +5,7 @@ offsets -> refraction
 """
 
 import math
-from typing import Any, Literal, Protocol
+from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,7 +14,7 @@ from rf_pointing.core import Target, nearest_turn_rad, require_choice, require_f
 from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
 from rf_pointing.core.dates import DAY_S
 from rf_pointing.core.refraction import RadioRefraction
-from rf_pointing.ephemeris.earth_orientation import EarthOrientationSource, IersEarthOrientation
+from rf_pointing.ephemeris.earth_orientation import IersEarthOrientation
 from rf_pointing.ephemeris.elements import Elements
 from rf_pointing.ephemeris.look_angles import SENSES, LookAngles, angles_and_rates, delayed
 from rf_pointing.ephemeris.satellite_antenna import SatelliteAntennaParams
@@ -22,6 +22,9 @@ from rf_pointing.ephemeris.sgp4_orbit import Sgp4Orbit
 from rf_pointing.ephemeris.sites import Site
 from rf_pointing.ephemeris.state_vector import StateVector, combined, norm, rotated, seen_from_rotating_axes
 from rf_pointing.ephemeris.target_offsets import TargetOffsets
+
+if TYPE_CHECKING:
+    from rf_pointing.ephemeris.learned_times import LearnedTime
 
 
 class TargetSource(Protocol):
@@ -34,7 +37,7 @@ class TargetSource(Protocol):
     """Whether it is an apparent direction without parallax (stars), of no meaningful length."""
 
     @property
-    def orientation(self) -> EarthOrientationSource | None:
+    def orientation(self) -> IersEarthOrientation | None:
         """Orientation by which motion became Earth-fixed, None if it was given in them."""
 
     @property
@@ -46,16 +49,6 @@ class TargetSource(Protocol):
 
     def warnings(self, t_s: float) -> tuple[str, ...]:
         """Return what makes the motion at `t_s` less certain."""
-
-
-class LearnedAhead(Protocol):
-    """How far a target is ahead of its elements, as passes have taught."""
-
-    def ahead_s(self, t_s: Any) -> Any:
-        """Return the seconds at UTC `t_s`."""
-
-    def sigma_s(self, t_s: float) -> float:
-        """Return their standard deviation."""
 
 
 class TopocentricTrack:
@@ -78,8 +71,8 @@ class TopocentricTrack:
         self, target: Elements | TargetSource, site: Site, *,
         refraction: RadioRefraction | Literal["standard"] | None = "standard",
         max_age_s: float = 14.0 * DAY_S, hold_t_s: float | None = None,
-        light_time: str = "receive", orientation: EarthOrientationSource | None = None,
-        antenna: SatelliteAntennaParams | None = None, learned: LearnedAhead | None = None,
+        light_time: str = "receive", orientation: IersEarthOrientation | None = None,
+        antenna: SatelliteAntennaParams | None = None, learned: "LearnedTime | None" = None,
         **offsets: float,
     ) -> None:  # fmt: skip
         self.offsets = TargetOffsets(**offsets)
@@ -100,7 +93,7 @@ class TopocentricTrack:
     def with_offsets(
         self, *, hold_t_s: float | None = None, antenna: SatelliteAntennaParams | None = None,
         refraction: RadioRefraction | Literal["same"] | None = "same",
-        learned: LearnedAhead | Literal["same"] | None = "same", **offsets: Any,
+        learned: "LearnedTime | Literal['same'] | None" = "same", **offsets: Any,
     ) -> "TopocentricTrack":  # fmt: skip
         """Return the same track with what is given instead; this one stays."""
         return TopocentricTrack(
@@ -111,10 +104,7 @@ class TopocentricTrack:
         )  # fmt: skip
 
     def target_at(self, t_s: float, *, near_azimuth_rad: float = math.pi) -> Target:
-        """Return the apparent direction at UTC `t_s`, its azimuth nearest to `near_azimuth_rad`.
-
-        Raises ValueError for times outside the target's span.
-        """
+        """Return the apparent direction at UTC `t_s`, near an azimuth; ValueError outside spans."""
         require_finite("t_s", t_s)
         look: dict[str, Any] = {name: float(value) for name, value in self._look(float(t_s)).items()}
         look["refraction_rad"] = look["elevation_rad"] - look.pop("true_elevation_rad")

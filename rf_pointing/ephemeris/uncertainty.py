@@ -65,10 +65,7 @@ class ElementUncertainty(Params):
 
 
 def sky_uncertainty(track: TopocentricTrack, t_s: float, model: ElementUncertainty) -> SkyUncertainty | None:
-    """Return the uncertainty of a track at UTC `t_s`, None where nothing is known of it.
-
-    A body of the sky has none, nor has an ephemeris without a covariance.
-    """
+    """Return the uncertainty at UTC `t_s`, None of bodies and of ephemerides without covariance."""
     elements, age_s = getattr(track.target, "elements", None), 0.0
     if isinstance(elements, Elements):
         age_s = t_s - elements.epoch_t_s
@@ -83,40 +80,31 @@ def sky_uncertainty(track: TopocentricTrack, t_s: float, model: ElementUncertain
         covariance_m2[0, :] = covariance_m2[:, 0] = 0.0
         covariance_m2[0, 0] = (speed_m_s * track.learned.sigma_s(t_s)) ** 2
     seen, _, _ = track.relative_motion_at(t_s)
-    on_sky, axes = _sky_axes(seen), _orbit_axes(orbit)
-    shifts = np.array([[dot(side, axis) for axis in axes] for side in on_sky]) / norm(seen.position)
-    covariance = shifts @ covariance_m2 @ shifts.T
-    covariance = 0.5 * (covariance + covariance.T)
-    motion = np.array([dot(axis, seen.velocity) for axis in on_sky])
-    along = motion / max(float(np.linalg.norm(motion)), 1e-12)
-    across = np.array([along[1], -along[0]])
-    variances = (float(way @ covariance @ way) for way in (along, across))
-    along_rad, across_rad = (math.sqrt(max(each, 0.0)) for each in variances)
+    found = _on_the_sky(seen, np.array(_orbit_axes(orbit)), covariance_m2, float(norm(seen.position)))
     along_s = math.sqrt(covariance_m2[0, 0]) / speed_m_s
-    return SkyUncertainty(
-        age_s=age_s, along_track_rad=along_rad, cross_track_rad=across_rad, along_track_s=along_s,
-        covariance_rad2=covariance,
-    )  # fmt: skip
+    return replace(found, age_s=age_s, along_track_s=along_s)
 
 
 def place_uncertainty(track: TopocentricTrack, t_s: float, covariance_m2: Array, age_s: float) -> SkyUncertainty:
     """Return what a covariance (3, 3) of the Earth-fixed position means on the sky at UTC `t_s`."""
     seen, range_m, _ = track.relative_motion_at(t_s)
-    right, up = (np.array(axis, dtype=np.float64) for axis in _sky_axes(seen))
-    to_sky = np.array([right, up]) @ np.array(track.site.axes) / float(range_m)
-    covariance = to_sky @ covariance_m2 @ to_sky.T
-    velocity = np.array(seen.velocity, dtype=np.float64)
-    motion, speed = np.array([right @ velocity, up @ velocity]), float(np.linalg.norm(velocity))
+    found = _on_the_sky(seen, np.array(track.site.axes).T, covariance_m2, float(range_m))
+    speed = float(norm(seen.velocity))
+    along_s = min(found.along_track_rad * float(range_m) / speed, LEAST_KNOWN_S) if speed else 0.0
+    return replace(found, age_s=age_s, along_track_s=along_s)
+
+
+def _on_the_sky(seen: StateVector, axes: Array, covariance_m2: Array, range_m: float) -> SkyUncertainty:
+    """Return a covariance along `axes` (3, 3), in rows, at right angles to the line of sight."""
+    on_sky = np.array(_sky_axes(seen), dtype=np.float64)
+    shifts, motion = on_sky @ axes.T / range_m, on_sky @ np.array(seen.velocity, dtype=np.float64)
+    covariance = shifts @ covariance_m2 @ shifts.T
+    covariance = 0.5 * (covariance + covariance.T)
     # A target at rest on the sky has no way: its error is counted across the elevation.
     along = motion / float(np.linalg.norm(motion)) if motion.any() else np.array([1.0, 0.0])
-    across = np.array([along[1], -along[0]])
-    along_rad = float(np.sqrt(along @ covariance @ along))
-    return SkyUncertainty(
-        age_s=age_s, along_track_rad=along_rad,
-        cross_track_rad=float(np.sqrt(across @ covariance @ across)),
-        along_track_s=min(along_rad * float(range_m) / speed, LEAST_KNOWN_S) if speed else 0.0,
-        covariance_rad2=covariance,
-    )  # fmt: skip
+    variances = (float(way @ covariance @ way) for way in (along, np.array([along[1], -along[0]])))
+    ahead, aside = (math.sqrt(max(each, 0.0)) for each in variances)
+    return SkyUncertainty(covariance_rad2=covariance, along_track_rad=ahead, cross_track_rad=aside)
 
 
 def known_target(track: TopocentricTrack, t_s: float, model: ElementUncertainty) -> Target:

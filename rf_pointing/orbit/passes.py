@@ -17,7 +17,7 @@ from rf_pointing.core.constants import EARTH_RADIUS_M
 from rf_pointing.core.dates import DAY_S, to_utc_text
 from rf_pointing.core.refraction import RadioRefraction
 from rf_pointing.core.types import TURN, Array
-from rf_pointing.ephemeris.earth_orientation import EarthOrientationSource, IersEarthOrientation
+from rf_pointing.ephemeris.earth_orientation import IersEarthOrientation
 from rf_pointing.ephemeris.elements import Elements
 from rf_pointing.ephemeris.sgp4_orbit import Sgp4Orbit, earth_fixed_from_teme
 from rf_pointing.ephemeris.sites import Site
@@ -53,7 +53,7 @@ WRONG_BIAS_SIGMA = 5.0
 _MOST_LEFT_OUT = 0.3
 
 
-def from_teme(t_s: Array, orientation: EarthOrientationSource | None = None) -> Array:
+def from_teme(t_s: Array, orientation: IersEarthOrientation | None = None) -> Array:
     """Return the rotations (n, 3, 3) from TEME to the Earth's axes at UTC times (n,)."""
     earth, still = orientation or IersEarthOrientation(), np.zeros_like(t_s)
     columns = []
@@ -71,7 +71,7 @@ def from_teme(t_s: Array, orientation: EarthOrientationSource | None = None) -> 
 
 
 def motion_of_site(
-    site: Site, t_s: Array, orientation: EarthOrientationSource | None = None
+    site: Site, t_s: Array, orientation: IersEarthOrientation | None = None
 ) -> StationMotion:
     """Return the motion of a site in TEME at UTC times (n,)."""
     turn = from_teme(t_s, orientation)

@@ -112,11 +112,8 @@ class Programme:
         barred : options that are not taken.
         solving_s : longest time of the solver for all priorities together.
         """
-        better_by, taken, levels = (
-            0.0,
-            set(held),
-            sorted(set(self._priority.tolist()), reverse=True),
-        )
+        better_by, taken = 0.0, set(held)
+        levels = sorted(set(self._priority.tolist()), reverse=True)
         usable = ~np.isin(self._number, list(barred))
         for priority in levels:
             level = usable & (self._priority == priority)
@@ -201,10 +198,8 @@ class Programme:
                 cost = -value - rows.T @ found.ineqlin.marginals - equal.T @ found.eqlin.marginals
                 near = (found.x > 1e-6) | (cost <= NEAR_WORTH)
                 columns = np.flatnonzero(near | (np.arange(len(value)) >= len(nodes)))
-        limits = [
-            LinearConstraint(equal[:, columns], 1.0, 1.0),
-            LinearConstraint(rows[:, columns], -np.inf, high),
-        ]
+        once = LinearConstraint(equal[:, columns], 1.0, 1.0)
+        limits = [once, LinearConstraint(rows[:, columns], -np.inf, high)]
         found = milp(
             -value[columns], integrality=(columns < len(nodes)).astype(int), bounds=Bounds(0.0, most[columns]),
             constraints=[each for each in limits if each.A.shape[0]],

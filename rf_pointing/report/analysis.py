@@ -75,11 +75,8 @@ class Timeline:
         # The median: the controller may have paused.
         period = int(np.median(np.diff(self.stamp_ns))) if len(self.stamp_ns) > 1 else 0
         edges = [*(int(self.stamp_ns[i]) for i in starts), int(self.stamp_ns[-1]) + period]
-        reasons = self.columns["reason"]
-        return [
-            Interval(str(mode[i]), start, end, str(reasons[i]))
-            for i, start, end in zip(starts, edges[:-1], edges[1:], strict=True)
-        ]
+        reasons, spans = self.columns["reason"], zip(starts, edges[:-1], edges[1:], strict=True)
+        return [Interval(str(mode[i]), start, end, str(reasons[i])) for i, start, end in spans]
 
     def is_tracking_at(self, stamp_ns: IntArray) -> NDArray[np.bool_]:
         """Return whether the beam was meant to be on the target at each stamp."""

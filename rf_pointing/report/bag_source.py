@@ -170,10 +170,8 @@ def _open_completed(file: Path, source: BagSource, stack: ExitStack) -> bool:
     except READ_ERRORS:
         return False
     source.readers.append(reader)
-    source.problems.append(
-        f"{file.name} was cut short: {tail.message_count} messages are whole, "
-        f"the last {tail.dropped_bytes} bytes could not be used"
-    )
+    left = f"{tail.message_count} messages are whole, the last {tail.dropped_bytes} bytes"
+    source.problems.append(f"{file.name} was cut short: {left} could not be used")
     return True
 
 

@@ -111,7 +111,8 @@ class BagWriter:
         # Log times of every message, 8 bytes each: what is lost is known only when the file is cut.
         self._accepted: dict[str, array[int]] = defaultdict(lambda: array("q"))
         self._rejected: dict[str, array[int]] = defaultdict(lambda: array("q"))
-        self._problem = ""
+        self.problem = ""
+        """Why recording stopped early; empty while it runs."""
         self._result: BagResult | None = None
 
     def __enter__(self) -> Self:
@@ -122,21 +123,13 @@ class BagWriter:
     ) -> None:
         self.close()
 
-    @property
-    def problem(self) -> str:
-        """Why recording stopped early; empty while it runs."""
-        return self._problem
-
     def register(self, topic: str, type_name: str, qos: Sequence[Qos] = ()) -> None:
-        """Announce `topic` of `type_name` with the profiles its publishers offer.
-
-        ValueError for a topic that is registered already, or whose type is not defined.
-        """
+        """Announce a topic; ValueError where it is announced already or its type is not known."""
         if topic in self._connections or topic in self._late:
             raise ValueError(f"topic={topic!r} is registered already")
         msgdef = self._definitions.schema(type_name)
         rihs01 = self._definitions.type_hash(type_name)
-        if self._problem:
+        if self.problem:
             self._late.add(topic)
             return
         self._connections[topic] = self._writer.add_connection(
@@ -153,7 +146,7 @@ class BagWriter:
             raise ValueError(f"path={self.path} is closed")
         if topic not in self._connections and topic not in self._late:
             raise ValueError(f"topic={topic!r} is not registered")
-        if self._problem:
+        if self.problem:
             self._rejected[topic].append(log_time_ns)
             return
         # Counted before it is written: a message whose writing fails is in no bag, and is lost.
@@ -190,7 +183,7 @@ class BagWriter:
         return writer
 
     def _closed(self) -> BagResult:
-        if not self._problem:
+        if not self.problem:
             try:
                 self._writer.close()
                 return BagResult(self.path, {topic: len(self._accepted[topic]) for topic in self._connections})
@@ -199,7 +192,7 @@ class BagWriter:
         return self._rescued()
 
     def _stop(self, error: OSError) -> None:
-        self._problem = f"recording stopped: {error.strerror or error}"
+        self.problem = f"recording stopped: {error.strerror or error}"
         # The half-written chunk is still in the buffer; closing writes it again, or fails again.
         with suppress(OSError):
             self._writer.abort()
@@ -209,7 +202,7 @@ class BagWriter:
     def _rescued(self) -> BagResult:
         data = self.path / f"{self.path.name}.mcap"
         # The writer of rosbags leaves no index when it fails, so the file is closed by hand.
-        tail, problem = McapTail(), self._problem
+        tail, problem = McapTail(), self.problem
         try:
             tail = complete(data)
         except (OSError, ValueError) as error:

@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from rf_pointing.core.types import Array
 from rf_pointing.planning import HorizonMask
 from rf_pointing.report.picture_style import draw_hills, figure, sky_axes, sky_place
 from rf_pointing.report.plan_picture import COLOURS as STATION_COLOURS
@@ -71,7 +70,8 @@ def draw_network(days: Mapping[str, DayPlan], path: Path) -> None:
                 rows = [float(place[item.window.name]) for item in shown]
                 if items is tracked:
                     shown, rows = [*shown, *tracked], [*rows, *(float(row) for _ in tracked)]
-                begins, widths = _hours(shown, day.start_t_s)
+                begins = [(item.window.aos_t_s - day.start_t_s) / 3600.0 for item in shown]
+                widths = [item.window.duration_s / 3600.0 for item in shown]
                 axes.barh(rows, widths, left=begins, height=height, color=colour, edgecolor="white", lw=0.4,
                           zorder=2.0 + (items is tracked))  # fmt: skip
         names = [f"{name:.20}" for name in days] + [f"{label:.20}" for label in targets]
@@ -84,11 +84,6 @@ def draw_network(days: Mapping[str, DayPlan], path: Path) -> None:
         _clock_axis(axes, first)
         left = "" if len(targets) == len(contact_s) else f", {len(targets)} of {len(contact_s)} targets"
         axes.set_title(f"Contacts of {len(days)} stations{left}; grey: seen, not tracked", fontsize=9.0, loc="left")
-
-
-def _hours(items: list[DayPass], start_t_s: float) -> tuple[Array, Array]:
-    begins = np.array([item.window.aos_t_s - start_t_s for item in items]) / 3600.0
-    return begins, np.array([item.window.duration_s for item in items]) / 3600.0
 
 
 def _rows(plan: DayPlan) -> list[str]:

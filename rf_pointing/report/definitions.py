@@ -25,10 +25,7 @@ class Definitions:
     texts: dict[str, str]
 
     def schema(self, type_name: str) -> str:
-        """Return the definition of `type_name` and of those it contains, as rosbag2 stores it.
-
-        Raises ValueError unless all of them are defined.
-        """
+        """Return a type as rosbag2 stores it, with those in it; ValueError for an unknown one."""
         try:
             # Generated text has no comments; ours have the units, so they replace it part by part.
             generated, _ = self.typestore.generate_msgdef(type_name, ros_version=2)

@@ -46,10 +46,7 @@ NEGLIGIBLE = 0.01
 
 @dataclass(frozen=True)
 class Cause:
-    """One row: how far this cause moves the beam, rms in mdeg, and its share of the loss in dB.
-
-    `note` says how it was switched off, or why it could not be.
-    """
+    """One row: rms in mdeg and loss in dB of a cause; how it was switched off, or why not."""
 
     name: str
     rms_mdeg: float

@@ -7,8 +7,8 @@ pairs of axes are two columns.  Every table begins with
     log_time_ns   when the recorder received them, by its own clock
     t_s           stamp in s after the first one of the recording
 
-`data_dictionary` says what each column means and where it comes from; it is written with every
-export.
+The dictionary that is written with every export says what each column means and where it comes
+from.
 """
 
 import csv
@@ -101,11 +101,6 @@ def _fields(name: str) -> dict[str, Meaning]:
 def topic_table(recording: Recording, topic: str) -> Columns:
     """Return a topic of a recording as columns (n,); ValueError for one that it does not have."""
     return _columns(recording, topic)[0]
-
-
-def data_dictionary(recording: Recording) -> list[ColumnMeaning]:
-    """Return what each column of the export of a recording means."""
-    return [row for topic in exported_topics(recording) for row in _columns(recording, topic)[1]]
 
 
 def exported_topics(recording: Recording) -> list[str]:

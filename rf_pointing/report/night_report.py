@@ -60,11 +60,6 @@ class NightReport:
         return sum(each.state == TRACKED for each in self.chosen)
 
     @property
-    def wanted(self) -> int:
-        """Number of `chosen`."""
-        return len(self.chosen)
-
-    @property
     def chosen(self) -> tuple[PassRecord, ...]:
         """Passes that were to be tracked, without those that filled gaps."""
         wanted = (each for each in self.passes if not each.filler)

@@ -61,9 +61,7 @@ def plain_log_scale(axis: Any) -> None:
 
 def sky_axes(axes: Any) -> None:
     """Make polar `axes` the sky, north up and zenith in the middle, with rings of elevation."""
-    axes.set_theta_zero_location("N")
-    axes.set_theta_direction(-1)
-    axes.set_rlim(0.0, 90.0)
+    axes.set(theta_zero_location="N", theta_direction=-1, ylim=(0.0, 90.0))
     axes.set_rgrids([30.0, 60.0, 90.0], ["60°", "30°", "0°"], angle=112.5, fontsize=8.5, color="#666666")
     axes.set_thetagrids(range(0, 360, 45), ["N", "NE", "E", "SE", "S", "SW", "W", "NW"])
 

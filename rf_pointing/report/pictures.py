@@ -4,9 +4,8 @@ Each is drawn only if the recording has its data.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -111,10 +110,8 @@ def _draw_losses(axes: Any, time: style.TimeAxis, analysis: Analysis) -> None:
             power = received_power(errors.radial_rad[part], errors.beamwidth_rad[part])
             # The loss of the mean power, not the mean of decibels.
             stamps, mean_power, _ = style.per_second(errors.stamp_ns[part], power)
-            mean, largest = (
-                pointing_loss_db(mean_power),
-                style.per_second(errors.stamp_ns[part], errors.loss_db[part])[2],
-            )
+            mean = pointing_loss_db(mean_power)
+            largest = style.per_second(errors.stamp_ns[part], errors.loss_db[part])[2]
             minutes, colour = time.minutes(stamps), style.mode_colour(mode)
             axes.fill_between(minutes, mean, largest, color=colour, alpha=0.25, lw=0.0)
             axes.plot(minutes, mean, color=colour, lw=1.6, label=_shown(mode, first))
@@ -164,8 +161,8 @@ def _frame(axes: Any, half_mdeg: float, reach_mdeg: float, title: str) -> None:
         _ellipse(axes, half_mdeg, half_mdeg, style.LIMIT_COLOUR, style.DASHED, label)
     axes.axhline(0.0, color="#aaaaaa", lw=0.7)
     axes.axvline(0.0, color="#aaaaaa", lw=0.7)
-    axes.set_aspect("equal")
-    axes.set(xlim=(-reach_mdeg, reach_mdeg), ylim=(-reach_mdeg, reach_mdeg), title=title)
+    reach = -reach_mdeg, reach_mdeg
+    axes.set(aspect="equal", xlim=reach, ylim=reach, title=title)
     axes.set(xlabel="cross-elevation error, mdeg", ylabel="elevation error, mdeg")
 
 
@@ -248,9 +245,8 @@ def draw_axes(analysis: Analysis, path: Path) -> None:
             (above, motion.stamp_ns, motion.rate_rad_s, "rate_limit"),
             (below, motion.acceleration_stamp_ns, motion.acceleration_rad_s2, "acceleration_limit"),
         ):
-            for index, name in enumerate(AXES):
-                axes.plot(time.minutes(stamps), np.degrees(values[:, index]), color=style.AXIS_COLOURS[index], lw=1.0,
-                          label=name)  # fmt: skip
+            for name, colour, each in zip(AXES, style.AXIS_COLOURS, np.degrees(values).T, strict=True):
+                axes.plot(time.minutes(stamps), each, color=colour, lw=1.0, label=name)
             limits = np.unique(np.round(np.degrees(antenna[column][-1]), 9)) if antenna is not None else np.zeros(0)
             for level in (sign * limit for limit in limits for sign in (-1.0, 1.0)):
                 label = "limit" if level == limits[0] else None
@@ -271,17 +267,15 @@ def draw_timing(analysis: Analysis, path: Path) -> None:
 
 
 def _draw_lead(axes: Any, analysis: Analysis) -> None:
-    time = style.TimeAxis(analysis)
-    antenna = analysis.recording.get("antenna_status")
-    if analysis.modes is not None:
-        chosen = analysis.modes.is_tracking_at(analysis.modes.stamp_ns)
-        lead = np.where(chosen, analysis.modes.columns["command_lead"], np.nan)
-        axes.plot(
-            time.minutes(analysis.modes.stamp_ns), lead, color=style.AXIS_COLOURS[0], label="sent by the controller"
-        )
+    time, modes = style.TimeAxis(analysis), analysis.modes
+    antenna, (sent, left) = analysis.recording.get("antenna_status"), style.AXIS_COLOURS
+    if modes is not None:
+        stamps = modes.stamp_ns
+        lead = np.where(modes.is_tracking_at(stamps), modes.columns["command_lead"], np.nan)
+        axes.plot(time.minutes(stamps), lead, color=sent, label="sent by the controller")
     if antenna is not None and antenna.stamp_ns is not None:
         lead = np.where(antenna["mode"] == "tracking", antenna["command_lead"], np.nan)
-        axes.plot(time.minutes(antenna.stamp_ns), lead, color=style.AXIS_COLOURS[1], lw=0.8, label="left in the servo")
+        axes.plot(time.minutes(antenna.stamp_ns), lead, color=left, lw=0.8, label="left in the servo")
     axes.set_ylim(0.0, 1.1 * axes.get_ylim()[1])
     axes.set(xlabel=time.label, ylabel="command lead, s")
     if axes.lines:
@@ -318,29 +312,14 @@ def _has_any(*names: str) -> Callable[[Analysis], bool]:
     return lambda analysis: any(analysis.recording.get(name) is not None for name in names)
 
 
-@dataclass(frozen=True)
-class Caption:
-    """Name, heading and caption of a picture: the caption says where to look."""
+class Picture(NamedTuple):
+    """A picture: how it is drawn, whether a recording allows it; the caption says where to look."""
 
     name: str
     title: str
     caption: str
-
-
-@dataclass(frozen=True)
-class Picture(Caption):
-    """One picture: how it is drawn, and whether a recording allows it."""
-
     draw: Callable[[Analysis, Path], None]
     possible: Callable[[Analysis], bool]
-
-
-def _has_link(analysis: Analysis) -> bool:
-    return _has_errors(analysis) or link_series(analysis.recording) is not None
-
-
-def _has_timing(analysis: Analysis) -> bool:
-    return analysis.modes is not None or analysis.recording.get("antenna_status") is not None
 
 
 _PICTURES = (
@@ -354,7 +333,7 @@ _PICTURES = (
         "link", "Link and pointing loss",
         "Loss of a Gaussian beam down to its sidelobes at 40 dB: that of the mean power of each "
         "second, shaded up to the largest.",
-        draw_link, _has_link,
+        draw_link, lambda of: _has_errors(of) or link_series(of.recording) is not None,
     ),
     Picture(
         "sky_track", "Track over the sky",
@@ -375,15 +354,15 @@ _PICTURES = (
         "timing", "Timing of the graph",
         "Left: how far the commands run ahead of the clock. Right: wall time between linked messages "
         "at the recorder.",
-        draw_timing, _has_timing,
+        draw_timing, _has_any("tracking_status", "antenna_status"),
     ),
 )  # fmt: skip
 
 
-def draw_pictures(analysis: Analysis, folder: Path) -> dict[Path, Caption]:
-    """Draw what the recording allows as PNG files into `folder`, in the order of the report."""
+def draw_pictures(analysis: Analysis, folder: Path) -> dict[Path, tuple[str, str]]:
+    """Draw what the recording allows into `folder`; return titles and captions of the PNG files."""
     # A picture without data would look like a fault of the antenna.
-    drawn = {folder / f"{picture.name}.png": picture for picture in _PICTURES if picture.possible(analysis)}
-    for path, picture in drawn.items():
-        picture.draw(analysis, path)
-    return dict(drawn)
+    drawn = [picture for picture in _PICTURES if picture.possible(analysis)]
+    for picture in drawn:
+        picture.draw(analysis, folder / f"{picture.name}.png")
+    return {folder / f"{each.name}.png": (each.title, each.caption) for each in drawn}

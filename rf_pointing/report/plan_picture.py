@@ -34,10 +34,7 @@ def draw_plan(planned: list[PlannedPass], limits: AxisLimits, mask: HorizonMask,
 
 
 def draw_budget(columns: Mapping[str, Array], minutes: Array, title: str, path: Path) -> None:
-    """Write the picture of a link budget (`api/link_budget.py`) to `path`.
-
-    It is drawn over the `minutes` of a pass, over elevation without them.
-    """
+    """Draw a link budget over the `minutes` of a pass, over elevation without them."""
     x, name = (minutes, "min after AOS") if len(minutes) else (columns["elevation_deg"], "elevation, deg")
     with figure(path, 9.0, 6.4) as drawn:
         noise, level = drawn.subplots(2, 1, sharex=True)

@@ -166,10 +166,7 @@ class RecordedPass:
 
 
 def read_pass(path: Path | str, namespace: str | None = None) -> RecordedPass:
-    """Read the tracked pass of a recording.
-
-    Raises ValueError for a recording in which no pass was tracked, naming the topic that it lacks.
-    """
+    """Read the tracked pass of a recording; ValueError names the topic that it lacks."""
     recording = read_recording(path, namespace=namespace, layouts=LAYOUTS)
     modes = timeline(recording)
     if modes is None:

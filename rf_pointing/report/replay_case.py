@@ -79,10 +79,8 @@ class RecordedCase:
         for topic in ("target", "joint_states", "tracking_status"):
             if gaps := self.signals.gaps(topic, begin_s, end_s):
                 at_s, longest_s = max(gaps, key=lambda gap: gap[1])
-                self.remarks.append(
-                    f"{topic} has {len(gaps)} gaps, the longest {longest_s:.1f} s, "
-                    f"{at_s - begin_s:.0f} s after acquisition"
-                )
+                longest = f"the longest {longest_s:.1f} s, {at_s - begin_s:.0f} s after acquisition"
+                self.remarks.append(f"{topic} has {len(gaps)} gaps, {longest}")
 
     def _description(self, given: str | Path | StationDescription | None) -> StationDescription:
         if given is not None:

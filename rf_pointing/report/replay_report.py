@@ -32,10 +32,7 @@ UNITS = {
 
 @dataclass(frozen=True)
 class Flown:
-    """Errors (n, 2) in rad at `t_s` (n,) with the beamwidth there, and events by their times.
-
-    `events` holds, by the metric, times (m,) and what each adds to it (m,).
-    """
+    """Errors (n, 2) [rad] at `t_s` (n,), and times and sizes (m,) of `events` by metric."""
 
     t_s: Array
     error_rad: Array
@@ -44,10 +41,7 @@ class Flown:
 
     @classmethod
     def of(cls, signals: Signals, topic: str, plant: PlantParams | None) -> "Flown":
-        """Return what signals tell: true or sensed errors, and wear of the axes.
-
-        `plant` tells friction and bandwidth of drives that take rates; None for other drives.
-        """
+        """Return errors and wear by signals; `plant` is None of drives that take positions."""
         statuses = signals.of("tracking_status")
         times = np.array([each.t_s for each in statuses])
         modes = np.array([each.mode if each.target else "" for each in statuses])
@@ -124,10 +118,7 @@ class MetricChange:
 
 
 def settled_s(flown: Flown, start_s: float) -> float:
-    """Return from when on ten errors in a row are below a tenth of a beamwidth, else half of one.
-
-    `start_s` where neither is ever reached.
-    """
+    """Return when ten errors in a row are first below 0.1 beamwidths, else 0.5, else `start_s`."""
     radial, count = np.hypot(*flown.error_rad.T), 10
     for limit in (0.1, 0.5):
         near = (flown.t_s >= start_s) & (radial <= limit * flown.beamwidth_rad)

@@ -15,7 +15,7 @@ from rf_pointing.planning.horizon import HORIZON_NOTE
 from rf_pointing.report import summary as table
 from rf_pointing.report.analysis import Analysis, ErrorSeries, Interval, Timeline, statistics_of, tracking_modes
 from rf_pointing.report.outcome import verdict
-from rf_pointing.report.recording import Pass, Recording
+from rf_pointing.report.recording import Recording
 from rf_pointing.report.summary import percentile_99, reduced
 from rf_pointing.report.topics import TopicData
 from rf_pointing.report.traffic import latencies, topic_traffic
@@ -30,9 +30,15 @@ def summarize(analysis: Analysis) -> table.Summary:
     spans = modes.intervals() if modes is not None else []
     traffic = topic_traffic(recording)
     lost = sum(row.lost or 0 for row in traffic) + sum(item.count for item in recording.not_recorded)
+    found, info = analysis.target_pass, None
+    if found is not None:
+        times_ns = found.aos_ns, found.tca_ns, found.los_ns
+        aos, tca, los = (utc_text(each * 1e-9) for each in times_ns)
+        peak_deg = float(np.degrees(found.peak_elevation_rad))
+        info = table.PassInfo(found.target, aos, tca, los, peak_deg)
     return table.Summary(
         schema=table.SCHEMA, bag=_bag(recording), outcome=verdict(analysis),
-        target_pass=_pass_info(analysis.target_pass) if analysis.target_pass else None,
+        target_pass=info,
         headline=_headline(errors, analysis.acquired_ns, lost), acquisition=analysis.acquisition,
         modes=_mode_rows(errors, spans), topics=traffic, latency=latencies(recording),
         timeline=[
@@ -66,11 +72,6 @@ def _bag(recording: Recording) -> table.BagInfo:
         message_count=sum(len(data) for data in filled) + sum(recording.others.values()),
         notes={name: text for name, text in recording.notes.items() if name != HORIZON_NOTE},
     )  # fmt: skip
-
-
-def _pass_info(item: Pass) -> table.PassInfo:
-    aos, tca, los = (utc_text(each * 1e-9) for each in (item.aos_ns, item.tca_ns, item.los_ns))
-    return table.PassInfo(item.target, aos, tca, los, float(np.degrees(item.peak_elevation_rad)))
 
 
 def _headline(errors: ErrorSeries | None, acquired_ns: int | None, lost: int) -> table.Headline:
@@ -161,10 +162,7 @@ def _commands(recording: Recording, modes: Timeline | None) -> table.Commands:
 
 
 class AxisMotion:
-    """Rates (n, 2) and accelerations (m, 2) of both axes at stamps in ns, from `joint_states`.
-
-    An acceleration is the change of rate over half a second.
-    """
+    """Rates (n, 2), and accelerations (m, 2) over half a second, of both axes at stamps in ns."""
 
     def __init__(self, joints: TopicData) -> None:
         assert joints.stamp_ns is not None
@@ -214,14 +212,12 @@ def _axis(recording: Recording, index: int) -> table.AxisLimits:
     # Unknown, not 0: without status the limits are not known.
     rate_limit = acceleration_limit = at_limit_s = None
     if antenna is not None:
-        rate_limit, acceleration_limit = (
-            float(np.degrees(antenna[name][-1, index])) for name in ("rate_limit", "acceleration_limit")
-        )
+        rate_limit = float(np.degrees(antenna["rate_limit"][-1, index]))
+        acceleration_limit = float(np.degrees(antenna["acceleration_limit"][-1, index]))
         if antenna.stamp_ns is not None and len(antenna) > 1:
             at_limit_s = float(np.sum(antenna["at_limit"][:, index]) * np.median(np.diff(antenna.stamp_ns)) * 1e-9)
-    peak_rate, peak_acceleration = (reduced(np.max, np.degrees(np.abs(each))) for each in (rate, acceleration))
-    limits = rate_limit, peak_acceleration, acceleration_limit, at_limit_s
-    return table.AxisLimits(AXES[index], peak_rate, *limits)
+    peaks = [reduced(np.max, np.degrees(np.abs(each))) for each in (rate, acceleration)]
+    return table.AxisLimits(AXES[index], peaks[0], rate_limit, peaks[1], acceleration_limit, at_limit_s)
 
 
 def _texts(data: TopicData | None, column: str) -> str:

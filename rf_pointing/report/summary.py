@@ -193,10 +193,7 @@ class Latency:
 
 @dataclass(frozen=True, kw_only=True)
 class Commands:
-    """Commands ahead of time: lead at the controller and at the servo, and the servo's counters.
-
-    What the operator has given: `offsets` of the target, and who permitted the Sun.
-    """
+    """Lead of the commands at both ends, the servo's counters, and what the operator has given."""
 
     lead_min_s: Number
     lead_median_s: Number

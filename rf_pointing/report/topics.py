@@ -35,10 +35,7 @@ def wire_name(name: str) -> str:
 
 @dataclass(frozen=True)
 class TopicData:
-    """Messages of one topic in order of reception, n in number.
-
-    `stamp_ns` and `sequence` are None where the type has none; `columns` holds arrays of length n.
-    """
+    """Messages (n,) of a topic in order of reception; None for what its type does not have."""
 
     topic: str
     type_name: str

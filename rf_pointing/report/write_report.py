@@ -9,16 +9,16 @@ from rf_pointing.report.analysis import analyse
 from rf_pointing.report.error_ledger import PICTURE, Ledger, draw_ledger
 from rf_pointing.report.html import Cell, number, render
 from rf_pointing.report.outcome import judged_by_night
-from rf_pointing.report.pictures import Caption, draw_pictures
+from rf_pointing.report.pictures import draw_pictures
 from rf_pointing.report.recording import read_recording
 from rf_pointing.report.statistics import summarize
 from rf_pointing.report.summary import ErrorStatistics, Headline, ModeStatistics, Summary, to_json
 
 Row = Sequence[Cell]
-BAR = Caption(
-    "ledger", "Where the loss comes from",
+BAR = (
+    "Where the loss comes from",
     "Each part is what one cause costs, the line the loss. Left of 0: causes that undo others.",
-)  # fmt: skip
+)
 
 
 def write_report(bag_path: Path | str, output_dir: Path | str, *, namespace: str | None = None) -> Summary:
@@ -47,7 +47,7 @@ def write_report(bag_path: Path | str, output_dir: Path | str, *, namespace: str
     return summary
 
 
-def page(summary: Summary, pictures: Mapping[Path, Caption], ledger: Ledger | None = None) -> str:
+def page(summary: Summary, pictures: Mapping[Path, tuple[str, str]], ledger: Ledger | None = None) -> str:
     """Return the HTML text of the report; pictures are embedded."""
     found = summary.target_pass
     lost = [

@@ -45,7 +45,6 @@ class TopicDrive(Drive):
             period_s=params.link.poll_period_s,
             latency_s=rotator.latency_s,
             one_turn=rotator.reads_one_turn,
-            has_brake=True,
         )
         self.losses: dict[str, int] = {"state that cannot be used": 0}
         self._lost_s, self._t_s, self._stepped_s = params.link.lost_s, 0.0, 0.0

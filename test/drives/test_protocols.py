@@ -2,13 +2,13 @@
 
 import pytest
 
-from rf_pointing.drives.protocols import PROTOCOLS, DeviceProtocol
+from rf_pointing.drives.protocols import DeviceProtocol, protocol_of
 
 NOISE = b"\x00\xff~{"
 
 
 def made(type_: str, model: str = "") -> DeviceProtocol:
-    return PROTOCOLS[type_](model)
+    return protocol_of(type_, model)
 
 
 def positions(words: DeviceProtocol, *chunks: bytes) -> list[tuple[float, ...]]:

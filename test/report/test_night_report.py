@@ -127,7 +127,7 @@ def test_what_fills_gaps_is_one_line_and_no_pass_of_the_counts(tmp_path: Path) -
     assert "tracked in 18 of 19 gaps, 3.2 h" in text[1]
     assert [each.count("QO-100</span>") for each in text] == [1, 1]
     assert f"{utc_text(T0 + 17000.0)[11:16]}: no answer" in text[1]
-    assert (report.tracked, report.wanted, report.held_share, report.to_do) == (1, 1, 0.9, ())
+    assert (report.tracked, len(report.chosen), report.held_share, report.to_do) == (1, 1, 0.9, ())
     assert "1 of 1" in (tmp_path / "index.html").read_text()
 
 
@@ -249,7 +249,12 @@ def test_a_bar_is_where_its_pass_or_alarm_was(shown: Any) -> None:
 def test_passes_that_were_left_out_by_choice_are_neither_lost_nor_counted() -> None:
     left = [record("A", 600.0, state="skipped", tracked_s=0.0), record("B", 3600.0)]
     report = night_of(state(left), "Dish")
-    assert (report.tracked, report.wanted, report.to_do, report.held_share) == (1, 1, (), pytest.approx(590.0 / 600.0))
+    assert (report.tracked, len(report.chosen), report.to_do, report.held_share) == (
+        1,
+        1,
+        (),
+        pytest.approx(590.0 / 600.0),
+    )
     assert "1 of 1" in page(report)
 
 

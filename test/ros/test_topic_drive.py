@@ -51,7 +51,7 @@ def bench(make_node: Callable[..., Any]) -> Iterator[Bench]:
 
 def test_a_drive_takes_positions_unless_it_is_one_of_rates(bench: Bench, make_node: Callable[..., Any]) -> None:
     capabilities, params = bench.drive.capabilities, DriveParams()
-    assert (capabilities.set_points, capabilities.has_brake) == ("position", True)
+    assert capabilities.set_points == "position"
     assert capabilities.resolution_rad == tuple(step or 1e-4 for step in params.rotator.resolution_rad)
     assert capabilities.period_s == params.link.poll_period_s
     rates = Bench(make_node("other_servo"), "rate")

@@ -83,26 +83,26 @@ class SlewPath:
         """The motion of the latest step and what it chases, for a drive that takes positions."""
         # A drive that comes to rest a step of its own away has reached a corner.
         self._near_rad = max(NEAR_RAD, settled_rad)
-        self._set_corners(())
+        self.go_round(())
 
     def hold(self, position_rad: Array) -> None:
         """Make this position (2,) the command, with nothing left of earlier ones."""
         self.goal_rad = position_rad.copy()
         self.preprocessor.reset(self.goal_rad)
         self.table.clear()
-        self._set_corners(())
+        self.go_round(())
 
     def stop(self) -> None:
         """Forget the commands and decelerate at the limits."""
         self.table.clear()
-        self._set_corners(())
+        self.go_round(())
         self.preprocessor.stop()
 
     def go(self, goal_rad: Pair, corners: Corners) -> None:
         """Go to a position by these corners."""
         self.table.clear()
         self.goal_rad = np.array(goal_rad)
-        self._set_corners(corners)
+        self.go_round(corners)
         self.preprocessor.follow()
 
     def leaves(self, trajectory: JointTrajectory, encoder_rad: Array, following: bool) -> bool:
@@ -113,10 +113,7 @@ class SlewPath:
         return bool(max(map(abs, (trajectory.position_rad[0] - from_rad).tolist())) > NEW_PATH_RAD)
 
     def go_round(self, corners: Corners) -> None:
-        """Reach the next table by these corners."""
-        self._set_corners(corners)
-
-    def _set_corners(self, corners: Corners) -> None:
+        """Reach what comes next by these corners."""
         path = CornerPath(corners, near_rad=self._near_rad, rest_rad_s=REST_RAD_S)
         self._corners: CornerPath | None = path if corners else None
 

@@ -69,12 +69,9 @@ class AxisResponse:
         cls, plant: PlantParams, axis: int, sample_s: float, variation: Variation = AS_KNOWN
     ) -> "AxisResponse":
         """Return an axis on a grid that is dense at its modes."""
-        poles = np.exp(
-            np.linalg.eigvals(cls(plant, axis, variation, np.ones(1), sample_s).a) * sample_s
-        )  # fmt: skip
-        return cls(
-            plant, axis, variation, frequency_grid(poles.astype(np.complex128), sample_s), sample_s
-        )  # fmt: skip
+        rough = cls(plant, axis, variation, np.ones(1), sample_s)
+        poles = np.exp(np.linalg.eigvals(rough.a) * sample_s).astype(np.complex128)
+        return cls(plant, axis, variation, frequency_grid(poles, sample_s), sample_s)
 
     @cached_property
     def from_command(self) -> ComplexArray:
@@ -103,24 +100,16 @@ class AxisResponse:
         return closed_radius(self.sampled, law)
 
     def _solve(self, points: ComplexArray, a: Array, b: Array) -> ComplexArray:
-        solved = np.linalg.solve(
-            points[:, None, None] * np.eye(len(a)) - a, b.astype(np.complex128)
-        )  # fmt: skip
+        systems = points[:, None, None] * np.eye(len(a)) - a
+        solved = np.linalg.solve(systems, b.astype(np.complex128))
         return np.asarray((self.outputs @ solved)[:, :, 0])
 
 
 def davenport_psd(frequency_hz: Array, mean_speed_m_s: float, drag_coefficient: float) -> Array:
     """Return the one-sided spectrum of the gust speed in (m/s)^2/Hz at `frequency_hz` > 0."""
     x = GUST_LENGTH_M * frequency_hz / mean_speed_m_s
-    psd: Array = (
-        4.0
-        * drag_coefficient
-        * mean_speed_m_s**2
-        / frequency_hz
-        * x**2
-        / (1.0 + x**2) ** (4.0 / 3.0)
-    )  # fmt: skip
-    return psd
+    scale = 4.0 * drag_coefficient * mean_speed_m_s**2 / frequency_hz
+    return np.asarray(scale * x**2 / (1.0 + x**2) ** (4.0 / 3.0))
 
 
 def _varied(plant: PlantParams, name: str, variation: Variation) -> PlantParams:

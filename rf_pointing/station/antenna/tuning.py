@@ -266,9 +266,8 @@ def loop_curves(law: Law, axis: AxisModel, wind_m_s: float) -> LoopCurves:
     """Return what a picture shows of a law; nothing is fed forward in the step of the command."""
     response, matrices = axis.nominal, law.matrices(axis.sample_s)
     gain = sampled_response(matrices, response.frequency_hz, axis.sample_s)[:, 0, 0]
-    power = np.concatenate(
-        [[0.0], cumulative_trapezoid(_power(response, gain, wind_m_s), response.frequency_hz)]
-    )  # fmt: skip
+    density = _power(response, gain, wind_m_s)
+    power = cumulative_trapezoid(density, response.frequency_hz, initial=0.0)
     (a, b, c, _), (la, lb, lc, ld) = response.sampled, matrices
     state, inner = np.zeros((len(a), 1)), np.zeros((len(la), 1))
     step = np.zeros(round(40.0 * axis.lag_s / axis.sample_s) + 50)
@@ -388,9 +387,8 @@ def require_described(
             f"{tuned.name}: the response was measured at {len(frequency_hz)} frequencies from "
             f"{LOWEST_HZ:g} Hz on, at least {COHERENT} are needed: shake the axis longer or harder"
         )
-    gain = sampled_response(tuned.law.matrices(model.sample_s), frequency_hz, model.sample_s)[
-        :, 0, 0
-    ]  # fmt: skip
+    matrices = tuned.law.matrices(model.sample_s)
+    gain = sampled_response(matrices, frequency_hz, model.sample_s)[:, 0, 0]
     known = model.response(frequency_hz)[:, 0, 0]
     share = (response - known) * gain / (1.0 + known * gain)
     # What lines of the spectrum scatter about the response turns any way: the median of five
@@ -485,10 +483,7 @@ def _starts(problem: Problem) -> Iterator[Array]:
     lead = [min(0.34 / lag_s, 0.5 * top_hz), 0.6, min(0.67 / lag_s, top_hz), 0.62]
     gain = min(0.9 / lag_s, 0.9 * problem.axis.most_gain)
     quick, slow = (gain, 0.25 * gain**2), (0.05 * gain, 0.3 * gain)
-    forms: list[tuple[tuple[float, float], list[float]]] = [
-        (quick, []),
-        (quick, [top_hz, 0.1, *lead]),
-    ]
+    forms: list[tuple[Pair, list[float]]] = [(quick, []), (quick, [top_hz, 0.1, *lead])]
     for mode_hz in problem.axis.modes_hz[:2].tolist():
         notches = [[min(share * mode_hz, top_hz), 0.13] for share in (1.0, 1.6)]
         # Zeros so wide that they are two: the proportional part comes from the section.

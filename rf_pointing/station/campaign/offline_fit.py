@@ -448,19 +448,17 @@ class OfflineFit:
         request, offered = self._request, self._request.terms
         base = BiasModel.zero(request.mount).replace(**dict.fromkeys(offered, 0.0) | request.coefficients)
         rest = {name: value for name, value in base.coefficients.items() if name not in names}
+        # What is fitted in any case: its sigma may be that of a wide beam.
+        wide = {each: Prior(0.0, ANY_RAD) for each in names if each in self._data.always}
         options = FitOptions(
             form=request.form, scale_covariance=True,
             huber_sigma=1.5 if request.robust else 0.0, edit_sigma=0.0 if request.robust else edit_sigma,
         )  # fmt: skip
         return calibration.fit_bias_model(
             points, terms=names, held={name: 0.0 if name in offered else value for name, value in rest.items()},
-            priors=priors_near(base, names) if request.known else self._wide(names), pass_priors=orbit, start=start,
-            options=options, shared=shared, nuisances=self._nuisances(points),
+            priors=priors_near(base, names) if request.known else wide, pass_priors=orbit,
+            start=start, options=options, shared=shared, nuisances=self._nuisances(points),
         )  # fmt: skip
-
-    def _wide(self, names: Sequence[str]) -> dict[str, Prior]:
-        """Return priors of what is fitted in any case: its sigma may be that of a wide beam."""
-        return {name: Prior(value=0.0, sigma=ANY_RAD) for name in names if name in self._data.always}
 
     def _at_its_site(
         self, result: FitResult, points: Observations, gain: float

@@ -175,10 +175,8 @@ class AlarmHooks:
         """Return what came of the newest message of each way, or why one does not work."""
         problems = "; ".join(f"{way.name}: {way.problem}" for way in self.ways if way.problem)
         values: dict[str, object] = {way.name: way.last for way in self.ways}
-        values |= {
-            "alarms_sent": sum(way.sent for way in self.ways),
-            "alarms_not_sent": sum(way.failed for way in self.ways),
-        }
+        values["alarms_sent"] = sum(way.sent for way in self.ways)
+        values["alarms_not_sent"] = sum(way.failed for way in self.ways)
         names = ", ".join(way.name for way in self.ways)
         return Report(Level(bool(problems)), problems or names or NO_WAY, values)
 

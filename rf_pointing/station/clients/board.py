@@ -124,7 +124,8 @@ class Board:
         self._period_s, self._namespace, self._send = 1.0 / rate_hz, namespace, send
         self._now_s = self._utc_s = 0.0
         self._mount = LEVEL
-        self._kept: dict[str, Any] = {"certificate": None, "station": {"name": "", "band": ""}}
+        self.kept: dict[str, Any] = {"certificate": None, "station": {"name": "", "band": ""}}
+        """The sections that are shown as they are, by name."""
         self._seen_s: dict[str, float] = {}
         self._nodes: dict[str, dict[str, Any]] = {}
         self._parameters: dict[str, Any] = {"offsets": None}
@@ -170,7 +171,7 @@ class Board:
 
     def keep(self, name: str, values: Any) -> None:
         """Take a section that is shown as it is."""
-        self._kept[name] = values
+        self.kept[name] = values
         self.seen(name)
 
     def note_check(self, node: str, check: str, level: int, message: str) -> None:
@@ -229,15 +230,10 @@ class Board:
         t_s = live.get("t_s", self._utc_s)
         sun = self._sun.at(t_s) if self._sun else None
         own = {"namespace": self._namespace, "sensors": list(SENSOR_CHOICES)}
-        return found | self._kept | {
-            "station": own | self._kept["station"] | self._parameters, "sun": degrees(sun, 2) if sun else None,
+        return found | self.kept | {
+            "station": own | self.kept["station"] | self._parameters, "sun": degrees(sun, 2) if sun else None,
             "path": self._path_at(t_s), "nodes": self.nodes, "events": list(self._events),
         }  # fmt: skip
-
-    @property
-    def kept(self) -> Mapping[str, Any]:
-        """The sections that are shown as they are, by name."""
-        return self._kept
 
     @property
     def age_s(self) -> dict[str, float]:
@@ -302,9 +298,9 @@ class Board:
         return found
 
     def _row(self, aos_utc: str) -> int:
-        if self._kept.get("executive", {}).get("state") == "running" and self._age_s("executive") < RUNNING_S:
+        if self.kept.get("executive", {}).get("state") == "running" and self._age_s("executive") < RUNNING_S:
             raise ValueError("the executive runs a schedule: pause the night first")
-        rises = [row["aos_utc"] for row in self._kept["passes"]["rows"]] if "passes" in self._kept else []
+        rises = [row["aos_utc"] for row in self.kept["passes"]["rows"]] if "passes" in self.kept else []
         if aos_utc not in rises:
             raise ValueError(
                 f"aos_utc={aos_utc!r} must be one of the {len(rises)} coming passes: select the target first"

@@ -175,12 +175,8 @@ def sun_radius(of: Band) -> Value:
 
 def wind_limits(of: Band) -> Rows:
     """Wind from which the antenna is stowed."""
-    keys = {
-        "watched": "anemometer",
-        "stows": "stow",
-        "gust_limit_m_s": "gust_limit_m_s",
-        "mean_limit_m_s": "mean_limit_m_s",
-    }
+    keys = {"watched": "anemometer", "stows": "stow"}
+    keys |= {name: name for name in ("gust_limit_m_s", "mean_limit_m_s")}
     return {name: Value(getattr(of.content.wind, key), f"wind.{key}") for name, key in keys.items()}
 
 

@@ -73,10 +73,8 @@ class AxisSection:
         elif travel is not None and stop is not None and not (stop[0] < travel[0] and travel[1] < stop[1]):
             yield "hard_stop_deg", f"={list(stop)} must lie outside travel_deg={list(travel)}"
         if self.encoder_bits is not None and self.resolution_deg is not None:
-            yield (
-                "resolution_deg",
-                (f"={self.resolution_deg} and encoder_bits={self.encoder_bits} give the same twice: leave one out"),
-            )
+            both = f"={self.resolution_deg} and encoder_bits={self.encoder_bits}"
+            yield "resolution_deg", f"{both} give the same twice: leave one out"
         drive = self.acceleration_deg_s2 if self.acceleration_deg_s2 is not None else self.rate_deg_s
         for name, bound in (("command_rate_deg_s", self.rate_deg_s), ("command_acceleration_deg_s2", drive)):
             value = getattr(self, name)

@@ -181,28 +181,21 @@ class DesignatedTarget:
         if self._table is not None:
             self._follow("", f"{DESIGNATED} {name or self._table.name}", self._table)
         else:
-            name = (
-                "" if self.params.fused else name or (self.known[0] if len(self.known) == 1 else "")
-            )
+            only = self.known[0] if len(self.known) == 1 else ""
+            name = "" if self.params.fused else name or only
             found = self._filters.get(name)
             if found is None or found.state is None:
                 known = ", ".join(self.known[:20]) or "nothing"
-                why = (
-                    f"{found.lost}; two new reports must agree"
-                    if found
-                    else "two reports must agree first"
-                )
+                again = f"{found.lost}; two new reports must agree" if found else ""
+                why = again or "two reports must agree first"
                 raise ValueError(f"{words.strip()!r} is not known: {why}; known: {known}")
-            label = name or self.params.target or self.params.kind
-            self._follow(
-                name, f"{DESIGNATED} {label}", DesignatedPath(f"{DESIGNATED} {label}", found.state)
-            )
+            label = f"{DESIGNATED} {name or self.params.target or self.params.kind}"
+            self._follow(name, label, DesignatedPath(label, found.state))
         passes = self._show_passes(now_s)
         if not passes:
             self._track = None
-            raise ValueError(
-                f"{words.strip()!r} is below the horizon of the station, and stays there"
-            )
+            low = "is below the horizon of the station, and stays there"
+            raise ValueError(f"{words.strip()!r} {low}")
         # Chosen once: a name that is lost and comes back must not move the antenna by itself.
         self._wanted = ""
         return passes
@@ -221,11 +214,8 @@ class DesignatedTarget:
         every = find_passes(track, start_s, end_s - start_s, self._horizon)
         passes = [each for each in every if each.los_t_s > now_s]
         if passes:
-            self._until_s = (
-                max(self._until_s, passes[-1].los_t_s)
-                if self._table is None
-                else passes[-1].los_t_s
-            )
+            before_s = self._until_s if self._table is None else -math.inf
+            self._until_s = max(before_s, passes[-1].los_t_s)
             self._show(passes, [pass_profile(track, window) for window in passes])
         return passes
 
@@ -259,18 +249,11 @@ class DesignatedTarget:
         """Return whether sources and target are well, and the numbers behind it."""
         problems = [source.problem for source in self.sources if source.problem]
         if self._why:
-            problems.insert(
-                0,
-                f"{self._track.name if self._track else DESIGNATED}: {self._why}; select it again",
-            )
-        values: dict[str, object] = {
-            "known": ", ".join(self.known[:20]),
-            **{f"refused: {why}": count for why, count in self.refused.items()},
-        }
+            problems.insert(0, f"{self.name or DESIGNATED}: {self._why}; select it again")
+        values: dict[str, object] = {"known": ", ".join(self.known[:20])}
+        values |= {f"refused: {why}": count for why, count in self.refused.items()}
         found = self._filters.get(self._selected)
         if found is not None and found.state is not None and self._track is not None:
             values["report_age_s"] = round(now_s - found.state.t_s, 2)
-        words = "; ".join(problems) or (
-            self._track.name if self._track else "no target is selected"
-        )
+        words = "; ".join(problems) or self.name or "no target is selected"
         return Health(Level.WARN if problems else Level.OK, words, values)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from rf_pointing.core.kinematics import LEVEL, Kinematics
 from rf_pointing.core.refraction import RadioRefraction
 from rf_pointing.core.types import Array
 from rf_pointing.core.whole_file import write_whole
-from rf_pointing.ephemeris import ElementUncertainty, Pass, Site, TopocentricTrack, find_passes, sky_uncertainty, sun
+from rf_pointing.ephemeris import ElementUncertainty, Pass, Site, TopocentricTrack, sky_uncertainty, sun
 from rf_pointing.planning import (
     AxisLimits,
     Certificate,
@@ -36,30 +36,13 @@ from rf_pointing.planning.branch_motion import Lag, no_lag
 from rf_pointing.planning.certificate import Slew, branch_cost
 from rf_pointing.station.pointing.prediction import axis_motion
 
+if TYPE_CHECKING:
+    from rf_pointing.ephemeris import CataloguePass
+
 SAMPLE_S = 1.0
 SUN_STEP_S = 60.0
 # A geostationary "pass" lasts for days.
 MOST_SAMPLES = 4000
-
-
-class Window(Protocol):
-    """A stay above the mask, as a search of one object or of many finds it."""
-
-    @property
-    def name(self) -> str:
-        """Name of the target."""
-
-    @property
-    def aos_t_s(self) -> float:
-        """Rise, UTC."""
-
-    @property
-    def los_t_s(self) -> float:
-        """Set, UTC."""
-
-    @property
-    def duration_s(self) -> float:
-        """Time above the mask."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,28 +69,9 @@ class PlannedPass:
     certificate: Certificate
 
 
-def plan_passes(
-    track: TopocentricTrack,
-    start_t_s: float,
-    span_s: float,
-    encoder_rad: tuple[float, float],
-    rules: PlanningRules,
-    least_rad: float,
-) -> list[PlannedPass]:
-    """Return every pass of a span; each slew starts where the pass before has left the axes."""
-    planned, free_t_s = [], start_t_s
-    for window in find_passes(track, start_t_s, span_s, rules.mask.above(least_rad)):
-        certificate, fine = planned_certificate(track, window, free_t_s, encoder_rad, rules)
-        chosen = certificate.chosen
-        if chosen is not None:
-            encoder_rad, free_t_s = chosen.end_rad, window.los_t_s
-        planned.append(PlannedPass(window=window, profile=fine, certificate=certificate))
-    return planned
-
-
 def planned_certificate(
     track: TopocentricTrack,
-    window: Window,
+    window: "Pass | CataloguePass",
     free_t_s: float,
     encoder_rad: tuple[float, float],
     rules: PlanningRules,
@@ -143,8 +107,8 @@ def _once_it_leans(mount: Kinematics, slew: Slew) -> Slew:
 
 
 def pass_profile(
-    track: TopocentricTrack, window: Window, step_s: float = SAMPLE_S, sun_table: "SolarTable | None" = None,
-    law: ElementUncertainty | None = None,
+    track: TopocentricTrack, window: "Pass | CataloguePass", step_s: float = SAMPLE_S,
+    sun_table: "SolarTable | None" = None, law: ElementUncertainty | None = None,
 ) -> PassProfile:  # fmt: skip
     """Return the pass at even steps of at most `step_s`, in at most `MOST_SAMPLES` rows.
 

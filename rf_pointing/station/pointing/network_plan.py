@@ -81,16 +81,10 @@ def plan_days(
     names : of the antennas, for the reasons.
     clear : probability of a sky through which each of them receives: passes count so much.
     """
+    offers = [_offered(wishes, antenna) for antenna in antennas]
     days = [
-        AntennaDay(
-            _offered(wishes, antenna),
-            antenna,
-            start_t_s,
-            duration_s,
-            gap_s=gap_s,
-            max_age_s=max_age_s,
-        )
-        for antenna in antennas
+        AntennaDay(mine, antenna, start_t_s, duration_s, gap_s=gap_s, max_age_s=max_age_s)
+        for mine, antenna in zip(offers, antennas, strict=True)
     ]
     lasting = set[int]().union(*(day.lasting for day in days))
     for day in days:
@@ -109,11 +103,8 @@ def plan_days(
         yields = network.reasons()
         long = [(k, number) for k, day in enumerate(days) for number in day.long_of(yields[k])]
         if not long:
-            return NetworkDay(
-                days=tuple(day.plan(mine) for day, mine in zip(days, yields, strict=True)),
-                better_by=better_by,
-                visible=visible,
-            )
+            planned = tuple(day.plan(mine) for day, mine in zip(days, yields, strict=True))
+            return NetworkDay(days=planned, better_by=better_by, visible=visible)
         # The most wanted ones first: what they leave is left to the next ones.
         highest = max(days[k].rank(number)[0] for k, number in long)
         for k, day in enumerate(days):
@@ -132,14 +123,8 @@ class _Network:
         self, days: Sequence[AntennaDay], names: Sequence[str], clear: Sequence[float], gap_s: float,
         owed: Sequence[Owed], lasting: set[int],
     ) -> None:  # fmt: skip
-        self._lasting = lasting
-        self._days, self._names, self._clear, self._gap_s, self._owed = (
-            days,
-            names,
-            clear,
-            gap_s,
-            owed,
-        )
+        self._days, self._names, self._clear = days, names, clear
+        self._gap_s, self._owed, self._lasting = gap_s, owed, lasting
         self._axes = [day.antenna.rules.machine.axes for day in days]
         self._chosen: list[tuple[int, _Part]] = []
         self._whole: dict[tuple[int, int, float, float], CataloguePass] = {}
@@ -180,15 +165,9 @@ class _Network:
                     if key not in self._cut:
                         self._cut[key] = window, _pieces(day, window, candidate, inside, lasts)
                     pieces = self._cut[key][1]
-                found += [
-                    _Part(
-                        k,
-                        number,
-                        dataclasses.replace(window, aos_t_s=one.aos_t_s, los_t_s=one.los_t_s),
-                        one,
-                    )
-                    for one in pieces
-                ]
+                for one in pieces:
+                    part = dataclasses.replace(window, aos_t_s=one.aos_t_s, los_t_s=one.los_t_s)
+                    found.append(_Part(k, number, part, one))
         return found
 
     def _handovers(self) -> dict[int, list[float]]:
@@ -208,11 +187,8 @@ class _Network:
                     if other != k and later.los_t_s > window.los_t_s:
                         key = id(window), id(later)
                         if key not in self._higher:
-                            self._higher[key] = (
-                                window,
-                                later,
-                                self._higher_from(k, window, other, later),
-                            )
+                            from_s = self._higher_from(k, window, other, later)
+                            self._higher[key] = window, later, from_s
                         times.append(self._higher[key][2])
             if target in self._lasting and len(windows) <= FEW_PIECES:
                 # Another antenna may fill what the pieces of a stay leave between them.

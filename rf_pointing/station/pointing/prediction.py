@@ -12,7 +12,7 @@ mount are those of the motion that the beam has really made since the axes began
 import bisect
 import itertools
 import math
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,7 +21,9 @@ from rf_pointing.calibration import BiasModel, LagHistory, LagState, without_lag
 from rf_pointing.core import JointReading, Motion, Quintic, Target, nearest_turn_rad
 from rf_pointing.core.types import TURN, Array
 from rf_pointing.planning import PassProfile, plunged
-from rf_pointing.station.pointing.branch import TrackingBranch
+
+if TYPE_CHECKING:
+    from rf_pointing.station.pointing.plan import PassPlan
 
 # Samples of the target farther apart than this are not joined: a quintic over them would be a
 # guess.
@@ -186,19 +188,10 @@ def axis_motion(sky: Motion, model: BiasModel, *, plunge: bool = False) -> Motio
         return motion._replace(position=motion.position + model.apply_moving(rim, still, still)[0] - rim)
 
 
-class Plan(Protocol):
-    """How the pass is tracked: its branch, and how sky motion becomes axis motion."""
-
-    course: TrackingBranch
-
-    def model_motion(self, t_s: float, sky: Motion, model: BiasModel) -> Motion:
-        """Return the direct axis angles that hold the beam on `sky` (n, 2)."""
-
-
 class Prediction:
     """Axis motion (n, 2) every `period_s`, on the turn next to `near_azimuth_rad`."""
 
-    def __init__(self, period_s: float, plan: Plan, lag_averaging_s: float = 0.0) -> None:
+    def __init__(self, period_s: float, plan: "PassPlan", lag_averaging_s: float = 0.0) -> None:
         self._period_s, self._plan = period_s, plan
         self.lag_averaging_s = lag_averaging_s
         self._known: dict[int, Array] = {}

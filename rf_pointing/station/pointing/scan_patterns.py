@@ -298,17 +298,12 @@ def loop_offsets_rad(params: TrackerIntegratorParams, noise_rad: Array) -> Array
     other half.
     """
     underway = max(round(UNDERWAY_S / params.sample_s), 1)
-    offsets, errors, largest = (
-        np.zeros_like(noise_rad),
-        np.zeros_like(noise_rad),
-        params.acceleration_rad_s2 * params.sample_s,
-    )
+    offsets, errors = np.zeros_like(noise_rad), np.zeros_like(noise_rad)
+    largest, most = params.acceleration_rad_s2 * params.sample_s, params.offset_limit_rad
     rate = np.zeros_like(noise_rad[0])
     for k in range(len(noise_rad)):
         if k:
-            offsets[k] = np.clip(
-                offsets[k - 1] + params.sample_s * rate, -params.offset_limit_rad, params.offset_limit_rad
-            )
+            offsets[k] = np.clip(offsets[k - 1] + params.sample_s * rate, -most, most)
         errors[k] = noise_rad[k] - (offsets[k - underway] if k >= underway else 0.0)
         mean = errors[max(k + 1 - params.mean_of, 0) : k + 1].mean(axis=0)
         size = np.hypot(*np.split(mean, 2))

@@ -47,18 +47,15 @@ class RadioControl:
         make_rig: Callable[..., Rig] = Rig,
     ) -> None:
         self._radio, self._rules, self.view, self._say = radio, rules, view, say
-        self._channels = {
-            name.casefold(): Channel.of(each) for name, each in radio.transponders.items()
-        }
+        known = radio.transponders.items()
+        self._channels = {name.casefold(): Channel.of(each) for name, each in known}
         receive, transmit = radio.receive, radio.transmit
-        self._receive_dial, self._transmit_dial = (
-            Dial(each or RigSection()) for each in (receive, transmit)
-        )
+        self._receive_dial = Dial(receive or RigSection())
+        self._transmit_dial = Dial(transmit or RigSection())
         split = receive is not None and transmit is not None and _place(receive) == _place(transmit)
         self._receiver = make_rig(_link(receive), sends=split, split=split) if receive else None
-        self._transmitter = (
-            make_rig(_link(transmit), sends=True) if transmit and not split else None
-        )
+        apart = transmit if not split else None
+        self._transmitter = make_rig(_link(apart), sends=True) if apart else None
         # The transmitter first: it is unkeyed first.
         self._rigs = [each for each in (self._transmitter, self._receiver) if each]
         if split:
@@ -98,9 +95,8 @@ class RadioControl:
         """Carry out the order of a client; its reply may come later."""
         order = inquiry.order
         if order.name != "set_ptt":
-            inquiry.reply(
-                self._retune(order.values[0], order.name == "set_split_freq", t_s, inquiry.client)
-            )
+            split = order.name == "set_split_freq"
+            inquiry.reply(self._retune(order.values[0], split, t_s, inquiry.client))
         elif not order.values[0]:
             self._key(False, inquiry.reply)
         elif self.reason:
@@ -126,10 +122,8 @@ class RadioControl:
             uplink_hz = self._transmit_dial.frequency_hz(dial_hz, channel.up_hz or 0.0) / shifts.up
             above_hz = channel.above_hz(uplink_hz)
         else:
-            above_hz = (
-                self._receive_dial.frequency_hz(dial_hz, channel.down_hz) / shifts.down
-                - channel.down_hz
-            )
+            received_hz = self._receive_dial.frequency_hz(dial_hz, channel.down_hz)
+            above_hz = received_hz / shifts.down - channel.down_hz
         # A client may give back what it has read, a step of the dial and a moment later.
         if abs(above_hz) > channel.half_hz + 100.0:
             self._say(f"{client}: {dial_hz:.0f} Hz is {above_hz:.0f} Hz from the middle of the passband of "
@@ -210,9 +204,8 @@ class RadioControl:
         """Return the frequencies on the air at the station, received and sent."""
         above_hz = self._above_hz.get(self._motion.name, 0.0)
         uplink_hz = channel.uplink_hz(above_hz)
-        return (
-            channel.down_hz + above_hz
-        ) * shifts.down, None if uplink_hz is None else uplink_hz * shifts.up
+        sent_hz = None if uplink_hz is None else uplink_hz * shifts.up
+        return (channel.down_hz + above_hz) * shifts.down, sent_hz
 
     def _channel(self) -> Channel | None:
         return self._channels.get(self._motion.name.casefold()) or self._channels.get(ANY)
@@ -235,11 +228,8 @@ class RadioControl:
         elif rig is None or not rig.keyed:
             self._tries = 0
         if bool(before) != bool(self.inhibit):
-            self._say(
-                f"the transmitter may not send: {self.inhibit}"
-                if self.inhibit
-                else "the transmitter may send"
-            )
+            barred = f"the transmitter may not send: {self.inhibit}"
+            self._say(barred if self.inhibit else "the transmitter may send")
 
     def _reason(self, wall_s: float) -> str:
         if not self._active:
@@ -258,14 +248,10 @@ class RadioControl:
     def reports(self, server: LineServer | None) -> dict[str, Report]:
         """Return the checks of both rigs, of the key, and of the clients."""
         found = {"receiver": self._rig(self._receiver, RECEIVE, self.view.receive_hz)}
-        found["transmitter"] = self._rig(
-            self._transmitter, self._transmit_command, self.view.transmit_hz
-        )
-        values: dict[str, object] = {
-            "keyed": self.view.keyed,
-            "unkeyed": self.unkeyed,
-            "line": self._line.problem or "ok",
-        }
+        command, sent_hz = self._transmit_command, self.view.transmit_hz
+        found["transmitter"] = self._rig(self._transmitter, command, sent_hz)
+        values: dict[str, object] = {"keyed": self.view.keyed, "unkeyed": self.unkeyed}
+        values["line"] = self._line.problem or "ok"
         level, words = Level.OK, self.inhibit or "may send"
         if self._tries > TRIES:
             level, words = Level.ERROR, f"the transmitter sends although it may not: {self.inhibit}"
@@ -288,11 +274,9 @@ class RadioControl:
         if rig.refused:
             return Report(Level.WARN, "refused: " + "; ".join(rig.refused.values()), values)
         if wanted_hz is None:
-            name = self._motion.name
-            known = self._channel() is not None
-            words = f"no frequency: {name or 'no target'} " + (
-                "is not predicted now" if known else "is not in radio.transponders"
-            )
+            name, known = self._motion.name, self._channel() is not None
+            why = "is not predicted now" if known else "is not in radio.transponders"
+            words = f"no frequency: {name or 'no target'} {why}"
             return Report(Level.WARN if name else Level.OK, words, values)
         return Report(Level.OK, f"follows {self._motion.name}{self._slow(rig)}", values)
 

@@ -38,10 +38,8 @@ class Dial:
 
     def frequency_hz(self, dial_hz: float, near_hz: float) -> float:
         """Return the frequency on the air of a tuning, on `near_hz`'s side of the oscillator."""
-        oscillator_hz, plain_hz = (
-            1e6 * self.section.oscillator_mhz,
-            dial_hz - self.section.offset_hz,
-        )
+        oscillator_hz = 1e6 * self.section.oscillator_mhz
+        plain_hz = dial_hz - self.section.offset_hz
         return oscillator_hz - plain_hz if near_hz < oscillator_hz else oscillator_hz + plain_hz
 
 
@@ -113,9 +111,8 @@ class Motion:
                 if later is None or later.t_s - each.t_s > GAP_S:
                     return (each.range_rate_m_s, each.range_m) if each.t_s == t_s else None
                 share = (t_s - each.t_s) / (later.t_s - each.t_s)
-                rate_m_s = each.range_rate_m_s + share * (
-                    later.range_rate_m_s - each.range_rate_m_s
-                )
-                return rate_m_s, each.range_m + share * (later.range_m - each.range_m)
+                faster_m_s = later.range_rate_m_s - each.range_rate_m_s
+                range_m = each.range_m + share * (later.range_m - each.range_m)
+                return each.range_rate_m_s + share * faster_m_s, range_m
             later = each
         return None

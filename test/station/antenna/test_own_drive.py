@@ -12,8 +12,9 @@ import pytest
 from rf_pointing.commands import check_drive
 from rf_pointing.controllers import CommandPreprocessorParams
 from rf_pointing.core import JointTrajectory
-from rf_pointing.drives import DriveParams, RotatorParams, known_types, make_drive
+from rf_pointing.drives import DriveParams, RotatorParams, make_drive
 from rf_pointing.drives.conformance import ConformanceCheck
+from rf_pointing.drives.registry import known_types
 from rf_pointing.ephemeris import Pass, TopocentricTrack
 from rf_pointing.station.antenna.drive_antenna import DriveAntenna
 from rf_pointing.station.antenna.loops import LoopParams

@@ -7,14 +7,13 @@ import numpy as np
 import pytest
 
 from rf_pointing.calibration import BiasModel
-from rf_pointing.ephemeris import Pass, TopocentricTrack, sun
-from rf_pointing.planning import AxisLimits, GateParams, HorizonMask, MachineParams, certificate_values
+from rf_pointing.ephemeris import Pass, TopocentricTrack, find_passes, sun
+from rf_pointing.planning import AxisLimits, Certificate, GateParams, HorizonMask, MachineParams
 from rf_pointing.station.antenna.mount import MountParams
 from rf_pointing.station.pointing.certificates import (
     PlanningRules,
     certificate_of,
     pass_profile,
-    plan_passes,
     planned_certificate,
 )
 
@@ -23,6 +22,13 @@ RULES = PlanningRules(
     model=BiasModel.zero(), machine=MachineParams(), limits=AxisLimits(), mask=HorizonMask(), gate=GateParams(),
     lag_averaging_s=0.0,
 )  # fmt: skip
+
+
+def certificates(
+    track: TopocentricTrack, start_t_s: float, span_s: float, place: tuple[float, float], rules: PlanningRules
+) -> list[tuple[Pass, Certificate]]:
+    windows = find_passes(track, start_t_s, span_s, rules.mask.above(5.0 * DEG))
+    return [(window, planned_certificate(track, window, start_t_s, place, rules)[0]) for window in windows]
 
 
 def test_a_hill_on_the_way_to_the_start_costs_the_time_over_it(track: TopocentricTrack, window: Pass) -> None:
@@ -34,9 +40,7 @@ def test_a_hill_on_the_way_to_the_start_costs_the_time_over_it(track: Topocentri
     )  # fmt: skip
     present, start_s = (at + 80.0 * DEG, 5.0 * DEG), window.aos_t_s - 300.0
     plain, over = (
-        plan_passes(track, start_s, 1200.0, present, dataclasses.replace(RULES, mask=mask), 5.0 * DEG)[
-            0
-        ].certificate.chosen
+        certificates(track, start_s, 1200.0, present, dataclasses.replace(RULES, mask=mask))[0][1].chosen
         for mask in (HorizonMask(), hill)
     )
     machine = RULES.machine
@@ -53,16 +57,16 @@ def test_passes_over_a_surveyed_horizon_can_be_tracked_by_a_mount_with_errors(tr
     )  # fmt: skip
     mount = MountParams(elevation_offset_rad=-0.1 * DEG, elevation_velocity_lag_s=-2.0).model()
     rules = dataclasses.replace(RULES, mask=horizon, model=mount)
-    planned = plan_passes(track, track.target.elements.epoch_t_s, 86400.0, (2.0, 1.0), rules, 5.0 * DEG)
+    span = track.target.elements.epoch_t_s, 86400.0, (2.0, 1.0)
+    planned = certificates(track, *span, rules)
     assert len(planned) == 5
-    for item in planned:
-        assert item.window.aos_elevation_rad > float(horizon.lowest_all(item.window.aos_azimuth_rad)) + 0.99 * DEG
-        chosen = item.certificate.chosen
-        assert chosen is not None, item.certificate.reason
+    for window, certificate in planned:
+        assert window.aos_elevation_rad > float(horizon.lowest_all(window.aos_azimuth_rad)) + 0.99 * DEG
+        chosen = certificate.chosen
+        assert chosen is not None, certificate.reason
         assert 0.5 * DEG < chosen.mask_margin_rad < 0.9 * DEG
-    low = plan_passes(track, track.target.elements.epoch_t_s, 86400.0, (2.0, 1.0),
-                      dataclasses.replace(rules, mask=horizon.replace(clearance_rad=0.1 * DEG)), 5.0 * DEG)  # fmt: skip
-    assert "deg below the horizon mask" in low[0].certificate.reason
+    low = certificates(track, *span, dataclasses.replace(rules, mask=horizon.replace(clearance_rad=0.1 * DEG)))
+    assert "deg below the horizon mask" in low[0][1].reason
 
 
 def test_lags_of_the_mount_are_part_of_the_axes_path(track: TopocentricTrack, window: Pass) -> None:
@@ -100,20 +104,3 @@ def test_a_profile_is_the_track_and_the_sun_at_its_times(track: TopocentricTrack
         assert found.range_m[row] == pytest.approx(look.range_m, abs=1e-3)
         assert found.satellite_gain_db[row] == pytest.approx(look.satellite_gain_db)
     assert found.name == window.name
-
-
-def test_the_next_pass_of_a_plan_begins_where_and_when_the_last_one_ends(track: TopocentricTrack) -> None:
-    """One that cannot be tracked changes nothing of that."""
-    epoch_t_s = track.target.elements.epoch_t_s
-    for limits in (AxisLimits(), AxisLimits(elevation_max_rad=25.0 * DEG)):
-        rules = dataclasses.replace(RULES, limits=limits)
-        place, free_s, kinds = (2.0, 1.0), epoch_t_s, []
-        for item in plan_passes(track, epoch_t_s, 45_000.0, place, rules, 5.0 * DEG):
-            alone, _ = planned_certificate(track, item.window, free_s, place, rules)
-            assert certificate_values(item.certificate) == certificate_values(alone)
-            chosen = item.certificate.chosen
-            kinds.append(chosen is not None)
-            if chosen is not None:
-                place, free_s = chosen.end_rad, item.window.los_t_s
-        assert len(kinds) >= 2
-    assert not all(kinds)
