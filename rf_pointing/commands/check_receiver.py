@@ -17,6 +17,7 @@ from rf_pointing.commands.options import between, ending_with_reason
 from rf_pointing.receiver import SignalReceiver, SignalReceiverParams
 from rf_pointing.receiver.conformance import ReceiverCheck
 from rf_pointing.station.description import read_station
+from rf_pointing.station.description.content import NO_DEVICE
 from rf_pointing.station.description.writing import received_by
 
 PROGRAM, TICK_S = "check_receiver", 0.02
@@ -41,8 +42,8 @@ def receiver_of(name: str, band: str | None, address: str) -> SignalReceiverPara
     """Return the receiver of a station; ValueError says why nothing can be checked."""
     station = read_station(name)
     if address:
-        station = received_by(station, receiver_section(address, station.content.receiver))
-    if station.receiver in ("simulated", "topic"):
+        station = received_by(station, receiver_section(address, station.receiver_in(band)))
+    if station.receiver in NO_DEVICE:
         raise ValueError(f"receiver.type={station.receiver} of {station.name} has no device to check")
     params: SignalReceiverParams = station.sets("signal_receiver", band)["receiver"]
     return params

@@ -35,7 +35,10 @@ class Wireless:
         own = {"type": kind, "iq.rate_hz": 480e3, "iq.converter_mhz": 4000.0} | {
             f"link.{name}": value for name, value in link.items()
         }
-        shipped.write(station, {f"receiver.{name}": value for name, value in own.items()})
+        # In S band another device: its port, converter and rate.
+        other = {"link.port": free_port(), "iq.converter_mhz": 1800.0, "iq.rate_hz": 240e3}
+        given = {f"receiver.{name}": value for name, value in own.items()}
+        shipped.write(station, given | {f"bands.S.receiver.{name}": value for name, value in other.items()})
         elements = write_elements(folder, shipped.site, time.time() + 60.0)
         self.track = load_track(SourceParams(elements=str(elements), satellite=NAME, site=shipped.site))
         given = {"source.elements": str(elements), "source.satellite": NAME}
@@ -90,6 +93,9 @@ def test_radio_and_receiver_follow_to_another_band_and_measure_what_its_beam_and
         before = len(link.levels)
         link.run(lambda before=before: len(link.levels) > before + 20)
         numbers = link.receiver.node.parameters.value("receiver")
+        radio = link.receiver.node.station.receiver_in(band)
+        assert numbers.link.port == link.source.node.parameters.value("outlet").port == radio.link["port"]
+        assert numbers.iq.rate_hz == radio.iq["rate_hz"]
         sets = link.receiver.node.station.sets("signal_source", band)
         assert numbers.frequency_hz == sets["sdr"].doppler_hz == link.receiver.node.station.sets("rf_receiver", band)[
             "signal"].frequency_hz  # fmt: skip

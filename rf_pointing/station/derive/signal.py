@@ -17,7 +17,7 @@ from rf_pointing.rf.noise import (
     sky_k,
 )
 from rf_pointing.station.derive.band import Band
-from rf_pointing.station.description.content import NoiseSection, StageSection
+from rf_pointing.station.description.content import RECEIVER_SECTIONS, NoiseSection, StageSection
 
 # Loss of the clear atmosphere at the zenith over frequency: those of the three bands of DSS-13
 # (docs/math/link.md) and what little is left of it at VHF.
@@ -27,18 +27,14 @@ TICK_S = 0.02
 ZENITH_LEVEL = "zenith_carrier_to_noise_db_hz"
 
 
-OPEN = "link", "iq", "signal", "level"
-"""Sections of `receiver` whose keys are those of the node's parameters."""
-
-
 def receiver(of: Band) -> dict[str, Value]:
     """The receiver of the station, as signal_receiver takes it."""
-    section = of.content.receiver
-    given = {f"{name}.{key}": value for name in OPEN for key, value in flat(getattr(section, name)).items()}
+    section = of.receiver
+    sections = {name: getattr(section, name) for name in RECEIVER_SECTIONS}
     own = {"type": section.type, "options": section.options}
     return (
         {name: Value(value, f"receiver.{name}") for name, (_, value) in leaves(SignalReceiverParams()).items()}
-        | {name: Value(value, f"receiver.{name}") for name, value in (own | given).items()}
+        | {name: Value(value, f"receiver.{name}") for name, value in (own | flat(sections)).items()}
         | {
             "period_s": Value(section.power_period_s, "receiver.power_period_s"),
             "frequency_hz": Value(1e6 * of.section.frequency_mhz, "bands.*.frequency_mhz"),
@@ -105,7 +101,7 @@ def signal(of: Band) -> Rows:
         "frequency_hz": Value(1e6 * of.section.frequency_mhz, "bands.*.frequency_mhz"),
         "gain_dbi": Value(gain_dbi(of), "bands.*.gain_dbi", "26000 deg^2 / h^2 unless given"),
         "cluster_samples": tuned(
-            max(3, round(of.content.receiver.power_period_s / TICK_S)), "samples in a power period"
+            max(3, round(of.power_period_s / TICK_S)), "samples in a power period"
         ),
     }  # fmt: skip
 

@@ -23,10 +23,11 @@ from rf_pointing.receiver.params import SignalReceiverParams
 from rf_pointing.station.derive.axes import kinematics_of
 from rf_pointing.station.derive.band import BEAM_FACTOR_DEG, SPEED_OF_LIGHT_M_S, pass_elevation_deg
 from rf_pointing.station.derive.nodes import NODES, described_parameters, reference
-from rf_pointing.station.derive.signal import OPEN
 from rf_pointing.station.description.content import (
     AZIMUTH_TEXT,
     ELEVATION_TEXT,
+    NO_DEVICE,
+    RECEIVER_SECTIONS,
     ArraySection,
     BandSection,
     Content,
@@ -69,7 +70,7 @@ def check(content: Content, reader: Reader, nodes: tuple[str, ...]) -> HorizonMa
     if kind not in ("simulated", "topic") and not takes_positions(kind) and kind not in known_types():
         known = one_of(kind, ("simulated", "topic", *known_types()))
         reader.note("drive.type", f"drive.type={kind!r} must be {known}")
-    _check_receiver(content.receiver, reader)
+    _check_receivers(content, reader)
     if content.simulation is not None and "antenna_servo" in nodes:
         _check_errors(content.simulation.mount_errors, "simulation.mount_errors", reader)
     return mask
@@ -82,23 +83,40 @@ def _check_errors(values: Mapping[str, Any] | None, key: str, reader: Reader) ->
     _check_names({"mount": MountParams()}, errors, key, reader, strip="mount.")
 
 
-def _check_receiver(section: ReceiverSection | None, reader: Reader) -> None:
-    if section is None or section.type == "simulated":
+def _check_receivers(content: Content, reader: Reader) -> None:
+    common, problems = content.receiver, len(reader.problems)
+    if common is None or None in vars(common).values():
         return
+    _check_receiver(common, reader)
+    if len(reader.problems) > problems:
+        return
+    for name, section in (content.bands or {}).items():
+        own = section and section.receiver
+        if own and any(vars(own).values()):
+            key, here = f"bands.{name}.receiver", common.in_band(own)
+            if here.type != common.type and {here.type, common.type} & set(NO_DEVICE):
+                reader.note(f"{key}.type", f"{key}.type={here.type!r}: receiver.type={common.type!r} has other nodes")
+            _check_receiver(here, reader, key)
+
+
+def _check_receiver(section: ReceiverSection, reader: Reader, key: str = "receiver") -> None:
+    if section.type == "simulated":
+        return
+    # Imported here, as below: most stations have none.
     from rf_pointing.receiver.registry import check_params, known_types
 
     problems = len(reader.problems)
     if section.type not in known_types():
         known = ", ".join(known_types())
-        reader.note("receiver.type", f"receiver.type={section.type!r} must be one of {known}")
-    given = {f"{name}.{key}": value for name in OPEN for key, value in flat(getattr(section, name) or {}).items()}
+        reader.note(f"{key}.type", f"{key}.type={section.type!r} must be one of {known}")
+    given = flat({name: getattr(section, name) or {} for name in RECEIVER_SECTIONS})
     rows = {f"receiver.{name}": value for name, value in given.items()}
-    _check_names({"receiver": SignalReceiverParams()}, rows, "receiver", reader, strip="receiver.")
+    _check_names({"receiver": SignalReceiverParams()}, rows, key, reader, strip="receiver.")
     if len(reader.problems) == problems:
         try:
             check_params(with_leaves(SignalReceiverParams(), {"type": section.type, **given}))
         except ValueError as error:
-            reader.note("receiver", f"receiver.{error}")
+            reader.note(key, f"{key}.{error}")
 
 
 def _misplaced(mount: MountSection) -> Iterator[tuple[str, str]]:

@@ -6,11 +6,12 @@ default is None is derived when it is not given (`station/derive`).
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from rf_pointing.core import parameter
 from rf_pointing.core.mount_types import AZIMUTH_ELEVATION, LOWER_AXES, MOUNTS, MountType
+from rf_pointing.core.parameters import flat
 from rf_pointing.core.signals import AXES
 from rf_pointing.core.types import Pair
 from rf_pointing.tracking.sensors import SENSORS
@@ -20,6 +21,10 @@ AZIMUTH_TEXT = "azimuth axis; more than 360 deg of travel is the cable wrap"
 ELEVATION_TEXT = "elevation axis; beyond 90 deg the dish looks over its back"
 Open = dict[str, Any]
 """A section whose keys somebody else declares: a drive, the tuning of the nodes."""
+NO_DEVICE = "simulated", "topic"
+"""Receivers without signal_receiver, so never those of one band alone."""
+RECEIVER_SECTIONS = "link", "iq", "signal", "level"
+"""Sections of `receiver` whose keys are those of the node's parameters."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -248,6 +253,20 @@ class FeedOffsetSection:
 
 
 @dataclass(frozen=True, kw_only=True)
+class BandReceiverSection:
+    """What a band has in place of the same keys of `receiver`."""
+
+    type: str | None = parameter(None, "where the signal comes from")
+    power_period_s: float | None = parameter(None, "time between two powers", low=0.06, high=10.0)
+    delay_s: float | None = parameter(None, "time from direction to power", low=-60.0, high=60.0)
+    options: str | None = parameter(None, "text for a receiver of your own")
+    link: Open = field(default_factory=dict, metadata={"description": "how the device is reached"})
+    iq: Open = field(default_factory=dict, metadata={"description": "samples of a radio"})
+    signal: Open = field(default_factory=dict, metadata={"description": "what is measured in samples"})
+    level: Open = field(default_factory=dict, metadata={"description": "what a reported level means"})
+
+
+@dataclass(frozen=True, kw_only=True)
 class BandSection:
     """One frequency band."""
 
@@ -283,6 +302,10 @@ class BandSection:
     acquisition_band: str = parameter(
         "", "wider band in which a pass begins while its target is uncertain; its satellites must transmit in both"
     )
+    receiver: BandReceiverSection = field(
+        default_factory=BandReceiverSection,
+        metadata={"description": "what this band has in place of the same keys of receiver"},
+    )
     mount_errors: Open = field(
         default_factory=dict, metadata={"description": "mount errors of the simulated antenna that differ in this band"}
     )
@@ -292,17 +315,20 @@ class BandSection:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ReceiverSection:
+class ReceiverSection(BandReceiverSection):
     """The receiver that measures the carrier: simulated, or a device of yours."""
 
     type: str = parameter("simulated", "where the signal comes from, as receiver.type of signal_receiver")
     power_period_s: float = parameter(0.1, "time between two carrier powers", low=0.06, high=10.0)
     delay_s: float = parameter(0.0, "time from the beam's direction to the power that it gives", low=-60.0, high=60.0)
     options: str = parameter("", "text for a receiver of your own")
-    link: Open = field(default_factory=dict, metadata={"description": "how the device is reached"})
-    iq: Open = field(default_factory=dict, metadata={"description": "samples of a radio"})
-    signal: Open = field(default_factory=dict, metadata={"description": "what is measured in samples"})
-    level: Open = field(default_factory=dict, metadata={"description": "what a reported level means"})
+
+    def in_band(self, own: BandReceiverSection) -> "ReceiverSection":
+        """Return the receiver with what a band has of its `own`."""
+        given = {name: value for name, value in vars(own).items() if value not in (None, {})}
+        for name in set(RECEIVER_SECTIONS) & set(given):
+            given[name] = flat(getattr(self, name)) | flat(given[name])
+        return replace(self, **given)
 
 
 @dataclass(frozen=True, kw_only=True)

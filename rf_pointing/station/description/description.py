@@ -15,7 +15,7 @@ from rf_pointing.core.parameters import flat, leaves
 from rf_pointing.core.whole_file import read_whole
 from rf_pointing.station.derive.band import Band, Derived, site_of
 from rf_pointing.station.derive.nodes import NODES, reference
-from rf_pointing.station.description.content import Content
+from rf_pointing.station.description.content import Content, ReceiverSection
 from rf_pointing.station.description.reading import Reader, StationError, nearest
 from rf_pointing.tracking.sensors import SENSORS
 
@@ -69,6 +69,10 @@ class StationDescription:
     def receiver(self) -> str:
         """Type of the receiver: simulated, or that of a device."""
         return self.content.receiver.type
+
+    def receiver_in(self, band: str | None = None) -> ReceiverSection:
+        """Return the receiver, as it is in a band."""
+        return self.content.receiver.in_band(self.content.bands[self._band(band)].receiver)
 
     @property
     def simulated(self) -> bool:
@@ -138,6 +142,9 @@ class StationDescription:
         for name, section in content["bands"].items():
             if section["feed_offset"] is None:
                 del section["feed_offset"]
+            # As in recordings from before a band had one.
+            if not any(section["receiver"].values()):
+                del section["receiver"]
             model = self.bias_model_file(name)
             section["bias_model"] = read_whole(model) if model else ""
         return hashlib.sha256(json.dumps(content, sort_keys=True, default=str).encode()).hexdigest()[:16]
