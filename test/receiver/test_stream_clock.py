@@ -4,7 +4,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rf_pointing.receiver.stream_clock import (
-    FAR_OFF, JUDGED_S, STALL_S, WINDOW_S, WITHIN_S, SmoothClock, StreamClock,
+    FAR_OFF,
+    JUDGED_S,
+    STALL_S,
+    WINDOW_S,
+    WITHIN_S,
+    SmoothClock,
+    StreamClock,
 )  # fmt: skip
 
 STEP_S, LOOK_S = 0.02, 0.005
