@@ -34,7 +34,8 @@ from rf_pointing.receiver.registry import check_params, known_types
 from rf_pointing.station.campaign.calibrator import journal_of
 from rf_pointing.station.campaign.plan import beacons
 from rf_pointing.station.campaign.schedule import CalibrationSchedule, CampaignParams, schedule_calibration
-from rf_pointing.station.description.content import RECEIVER_SECTIONS, ReceiverSection
+from rf_pointing.station.derive.signal import OPEN
+from rf_pointing.station.description.content import ReceiverSection
 from rf_pointing.station.description.writing import received_by
 from rf_pointing.station.designated.params import DesignateParams
 from rf_pointing.station.designated.target import DesignatedTarget
@@ -187,7 +188,7 @@ def receiver_section(text: str, before: ReceiverSection) -> ReceiverSection:
         link: dict[str, Any] = {"host": parts.hostname, "port": parts.port}
     except ValueError as error:
         raise ValueError(f"receiver={text!r}: {error}") from error
-    sections: dict[str, Any] = {name: dict(flat(getattr(before, name))) for name in RECEIVER_SECTIONS}
+    sections: dict[str, Any] = {name: dict(flat(getattr(before, name))) for name in OPEN}
     link = {name: value for name, value in link.items() if value is not None}
     sections["link"] |= {"file": parts.path} if kind == "sigmf" else link
     for key, value in parse_qsl(parts.query, keep_blank_values=True):
@@ -197,7 +198,7 @@ def receiver_section(text: str, before: ReceiverSection) -> ReceiverSection:
         sections[section][name] = _read(key, value)
     if kind not in known_types():
         raise ValueError(f"receiver={text!r} must begin with one of {', '.join(known_types())} and ://")
-    given = {f"{name}.{key}": value for name in RECEIVER_SECTIONS for key, value in sections[name].items()}
+    given = {f"{name}.{key}": value for name in OPEN for key, value in sections[name].items()}
     check_params(with_leaves(SignalReceiverParams(), {"type": kind, **given}))
     return replace(before, type=kind, **sections)
 

@@ -16,8 +16,8 @@ from rf_pointing.api.requests import receiver_section
 from rf_pointing.commands.options import between, ending_with_reason
 from rf_pointing.receiver import SignalReceiver, SignalReceiverParams
 from rf_pointing.receiver.conformance import ReceiverCheck
+from rf_pointing.receiver.registry import SIMULATED, TOPIC
 from rf_pointing.station.description import read_station
-from rf_pointing.station.description.content import NO_DEVICE
 from rf_pointing.station.description.writing import received_by
 
 PROGRAM, TICK_S = "check_receiver", 0.02
@@ -43,7 +43,7 @@ def receiver_of(name: str, band: str | None, address: str) -> SignalReceiverPara
     station = read_station(name)
     if address:
         station = received_by(station, receiver_section(address, station.receiver_in(band)))
-    if station.receiver in NO_DEVICE:
+    if station.receiver in (SIMULATED, TOPIC):
         raise ValueError(f"receiver.type={station.receiver} of {station.name} has no device to check")
     params: SignalReceiverParams = station.sets("signal_receiver", band)["receiver"]
     return params

@@ -15,7 +15,7 @@ from rf_pointing.core.types import BoolArray
 from rf_pointing.receiver.spectrum import HANN_CORRELATION
 
 LINE, LINE_SIGMAS = 3.0, 4.15
-"""Bins above so many medians are lines; noise gets there once in 1e5 bins, in ten blocks as well."""
+"""Bins above so many medians are lines; noise gets there once in 1e5 bins."""
 STEP_SIGMAS, STEP_SHARE = 6.0, 0.05
 DC_BINS = 3
 LINE_REPORTED = 8.0

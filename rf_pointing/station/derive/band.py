@@ -17,7 +17,7 @@ from rf_pointing.core.mount_types import AZIMUTH_ELEVATION
 from rf_pointing.core.parameters import Params, flat, leaves, with_leaves
 from rf_pointing.core.types import Pair
 from rf_pointing.planning.horizon import HorizonMask
-from rf_pointing.station.description.content import AxisSection, BandSection, Content, ReceiverSection
+from rf_pointing.station.description.content import AxisSection, BandSection, Content
 
 if TYPE_CHECKING:
     from rf_pointing.ephemeris import Site
@@ -158,20 +158,15 @@ class Band:
         )
         return azimuth, elevation
 
-    @cached_property
-    def receiver(self) -> ReceiverSection:
-        """The receiver, as it is in this band."""
-        return self.content.receiver.in_band(self.section.receiver)
-
     @property
     def power_period_s(self) -> float:
         """Time between two carrier powers."""
-        return self.receiver.power_period_s
+        return self.content.receiver.power_period_s
 
     @property
     def delay_s(self) -> float:
         """Time from the beam's direction to the power that it gives."""
-        return self.receiver.delay_s
+        return self.content.receiver.delay_s
 
     @property
     def step_deg(self) -> float:

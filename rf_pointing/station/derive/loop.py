@@ -50,7 +50,7 @@ def integrator(of: Band) -> Rows:
         "acceleration_deg_s2": tuned(
             0.25 * min(of.accelerations_deg_s2), "a quarter of the commanded acceleration"
         ),
-        "sample_s": Value(of.power_period_s, "receiver.power_period_s"),
+        "sample_s": Value(of.content.receiver.power_period_s, "receiver.power_period_s"),
     }  # fmt: skip
 
 

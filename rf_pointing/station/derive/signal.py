@@ -17,7 +17,7 @@ from rf_pointing.rf.noise import (
     sky_k,
 )
 from rf_pointing.station.derive.band import Band
-from rf_pointing.station.description.content import RECEIVER_SECTIONS, NoiseSection, StageSection
+from rf_pointing.station.description.content import NoiseSection, StageSection
 
 # Loss of the clear atmosphere at the zenith over frequency: those of the three bands of DSS-13
 # (docs/math/link.md) and what little is left of it at VHF.
@@ -26,11 +26,14 @@ COSMIC_K, AIR_K, GROUND_K = 2.725, 275.0, 8.0
 TICK_S = 0.02
 ZENITH_LEVEL = "zenith_carrier_to_noise_db_hz"
 
+OPEN = "link", "iq", "signal", "level"
+"""Sections of `receiver` whose keys are those of the node's parameters."""
+
 
 def receiver(of: Band) -> dict[str, Value]:
     """The receiver of the station, as signal_receiver takes it."""
-    section = of.receiver
-    sections = {name: getattr(section, name) for name in RECEIVER_SECTIONS}
+    section = of.content.receiver
+    sections = {name: getattr(section, name) for name in OPEN}
     own = {"type": section.type, "options": section.options}
     return (
         {name: Value(value, f"receiver.{name}") for name, (_, value) in leaves(SignalReceiverParams()).items()}
@@ -101,7 +104,7 @@ def signal(of: Band) -> Rows:
         "frequency_hz": Value(1e6 * of.section.frequency_mhz, "bands.*.frequency_mhz"),
         "gain_dbi": Value(gain_dbi(of), "bands.*.gain_dbi", "26000 deg^2 / h^2 unless given"),
         "cluster_samples": tuned(
-            max(3, round(of.power_period_s / TICK_S)), "samples in a power period"
+            max(3, round(of.content.receiver.power_period_s / TICK_S)), "samples in a power period"
         ),
     }  # fmt: skip
 

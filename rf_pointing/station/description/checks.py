@@ -23,11 +23,10 @@ from rf_pointing.receiver.params import SignalReceiverParams
 from rf_pointing.station.derive.axes import kinematics_of
 from rf_pointing.station.derive.band import BEAM_FACTOR_DEG, SPEED_OF_LIGHT_M_S, pass_elevation_deg
 from rf_pointing.station.derive.nodes import NODES, described_parameters, reference
+from rf_pointing.station.derive.signal import OPEN
 from rf_pointing.station.description.content import (
     AZIMUTH_TEXT,
     ELEVATION_TEXT,
-    NO_DEVICE,
-    RECEIVER_SECTIONS,
     ArraySection,
     BandSection,
     Content,
@@ -94,7 +93,7 @@ def _check_receivers(content: Content, reader: Reader) -> None:
         own = section and section.receiver
         if own and any(vars(own).values()):
             key, here = f"bands.{name}.receiver", common.in_band(own)
-            if here.type != common.type and {here.type, common.type} & set(NO_DEVICE):
+            if here.type != common.type and {here.type, common.type} & {"simulated", "topic"}:
                 reader.note(f"{key}.type", f"{key}.type={here.type!r}: receiver.type={common.type!r} has other nodes")
             _check_receiver(here, reader, key)
 
@@ -102,14 +101,13 @@ def _check_receivers(content: Content, reader: Reader) -> None:
 def _check_receiver(section: ReceiverSection, reader: Reader, key: str = "receiver") -> None:
     if section.type == "simulated":
         return
-    # Imported here, as below: most stations have none.
     from rf_pointing.receiver.registry import check_params, known_types
 
     problems = len(reader.problems)
     if section.type not in known_types():
         known = ", ".join(known_types())
         reader.note(f"{key}.type", f"{key}.type={section.type!r} must be one of {known}")
-    given = flat({name: getattr(section, name) or {} for name in RECEIVER_SECTIONS})
+    given = flat({name: getattr(section, name) or {} for name in OPEN})
     rows = {f"receiver.{name}": value for name, value in given.items()}
     _check_names({"receiver": SignalReceiverParams()}, rows, key, reader, strip="receiver.")
     if len(reader.problems) == problems:

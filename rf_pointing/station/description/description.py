@@ -142,7 +142,6 @@ class StationDescription:
         for name, section in content["bands"].items():
             if section["feed_offset"] is None:
                 del section["feed_offset"]
-            # As in recordings from before a band had one.
             if not any(section["receiver"].values()):
                 del section["receiver"]
             model = self.bias_model_file(name)
@@ -154,7 +153,8 @@ class StationDescription:
         chosen = self._band(band)
         if (node, chosen) not in self._derived:
             model = self.bias_model_file(chosen)
-            numbers = Band(self.content, chosen, self.mask, str(model) if model else "")
+            content = dataclasses.replace(self.content, receiver=self.receiver_in(chosen))
+            numbers = Band(content, chosen, self.mask, str(model) if model else "")
             tuning = (("tuning", self.content.tuning), (f"bands.{chosen}.tuning", numbers.section.tuning))
             given = {
                 name: Value(value, f"{key}.{name}", "given")
