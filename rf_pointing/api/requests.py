@@ -89,7 +89,7 @@ class RunRequest:
             require_between("ephemeris_error_s", self.ephemeris_error_s, -60.0, 60.0)
         if self.receiver:
             description = self.station.description
-            section = receiver_section(self.receiver, description.receiver_in(self.station.band))
+            section = receiver_section(self.receiver, description.content.receiver_in(self.station.band))
             station = Station(received_by(description, section), self.station.band)
             object.__setattr__(self, "station", station)
         if self.station.simulated and self.speed is None and self.station.description.receiver != "simulated":
@@ -124,9 +124,8 @@ class RunRequest:
         leans = {} if train_deg is None else {"mount.train_deg": train_deg}
         if not self.receiver:
             return leans
-        own = {f"bands.{name}.receiver": {} for name in content.bands}
-        own = {key: none for key, none in own.items() if key in self.station.description.lines}
-        return leans | own | flat({"receiver": vars(content.receiver)})
+        own = {f"bands.{name}.receiver" for name in content.bands} & self.station.description.lines.keys()
+        return leans | dict.fromkeys(sorted(own), {}) | flat({"receiver": vars(content.receiver)})
 
     @cached_property
     def said(self) -> dict[str, dict[str, Any]]:

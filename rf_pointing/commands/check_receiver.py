@@ -42,7 +42,9 @@ def receiver_of(name: str, band: str | None, address: str) -> SignalReceiverPara
     """Return the receiver of a station; ValueError says why nothing can be checked."""
     station = read_station(name)
     if address:
-        station = received_by(station, receiver_section(address, station.receiver_in(band)))
+        station = received_by(
+            station, receiver_section(address, station.content.receiver_in(band or station.default_band))
+        )
     if station.receiver in (SIMULATED, TOPIC):
         raise ValueError(f"receiver.type={station.receiver} of {station.name} has no device to check")
     params: SignalReceiverParams = station.sets("signal_receiver", band)["receiver"]

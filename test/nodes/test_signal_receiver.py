@@ -108,7 +108,7 @@ def test_radio_and_receiver_follow_to_another_band_and_measure_what_its_beam_and
         before = len(link.levels)
         link.run(lambda before=before: len(link.levels) > before + 20)
         numbers = link.receiver.node.parameters.value("receiver")
-        radio = link.receiver.node.station.receiver_in(band)
+        radio = link.receiver.node.station.content.receiver_in(band)
         assert numbers.link.port == link.source.node.parameters.value("outlet").port == radio.link["port"]
         assert numbers.iq.rate_hz == radio.iq["rate_hz"]
         sets = link.receiver.node.station.sets("signal_source", band)

@@ -6,7 +6,7 @@ default is None is derived when it is not given (`station/derive`).
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 from rf_pointing.core import parameter
@@ -314,13 +314,6 @@ class ReceiverSection(BandReceiverSection):
     delay_s: float = parameter(0.0, "time from the beam's direction to the power that it gives", low=-60.0, high=60.0)
     options: str = parameter("", "text for a receiver of your own")
 
-    def in_band(self, own: BandReceiverSection) -> "ReceiverSection":
-        """Return the receiver with what a band has of its `own`."""
-        given = {name: value for name, value in vars(own).items() if value not in (None, {})}
-        sections = {name: value for name, value in given.items() if isinstance(value, dict)}
-        given |= {name: flat(getattr(self, name)) | flat(value) for name, value in sections.items()}
-        return replace(self, **given)
-
 
 @dataclass(frozen=True, kw_only=True)
 class RigSection:
@@ -409,3 +402,11 @@ class Content:
     radio: RadioSection | None = parameter(None, "frequencies and transmitter; omit for a station without a radio")
     simulation: SimulationSection = section("truth of the simulated antenna and receiver", SimulationSection)
     tuning: Open = section("values over the derived ones, by their names")
+
+    def receiver_in(self, band: str) -> ReceiverSection:
+        """Return the receiver, with what a band has of its own."""
+        found = dict(vars(self.receiver))
+        for name, own in vars(self.bands[band].receiver).items():
+            if own not in (None, {}):
+                found[name] = flat(found[name] or {}) | flat(own) if isinstance(own, dict) else own
+        return ReceiverSection(**found)

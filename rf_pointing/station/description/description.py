@@ -15,7 +15,7 @@ from rf_pointing.core.parameters import flat, leaves
 from rf_pointing.core.whole_file import read_whole
 from rf_pointing.station.derive.band import Band, Derived, site_of
 from rf_pointing.station.derive.nodes import NODES, reference
-from rf_pointing.station.description.content import Content, ReceiverSection
+from rf_pointing.station.description.content import Content
 from rf_pointing.station.description.reading import Reader, StationError, nearest
 from rf_pointing.tracking.sensors import SENSORS
 
@@ -69,10 +69,6 @@ class StationDescription:
     def receiver(self) -> str:
         """Type of the receiver: simulated, or that of a device."""
         return self.content.receiver.type
-
-    def receiver_in(self, band: str | None = None) -> ReceiverSection:
-        """Return the receiver, as it is in a band."""
-        return self.content.receiver.in_band(self.content.bands[self._band(band)].receiver)
 
     @property
     def simulated(self) -> bool:
@@ -153,7 +149,9 @@ class StationDescription:
         chosen = self._band(band)
         if (node, chosen) not in self._derived:
             model = self.bias_model_file(chosen)
-            content = dataclasses.replace(self.content, receiver=self.receiver_in(chosen))
+            content = self.content
+            if any(vars(content.bands[chosen].receiver).values()):
+                content = dataclasses.replace(content, receiver=content.receiver_in(chosen))
             numbers = Band(content, chosen, self.mask, str(model) if model else "")
             tuning = (("tuning", self.content.tuning), (f"bands.{chosen}.tuning", numbers.section.tuning))
             given = {

@@ -92,7 +92,7 @@ def test_a_band_has_what_it_states_of_its_own_receiver_and_the_rest_of_the_commo
     assert s.level.pattern == "(?P<level>.+)"
     for band, known, delay_s in (("X", True, 0.2), ("S", False, 1.5)):
         assert station.sets("pointing_controller", band)["watch"].compares_level is known
-        assert station.receiver_in(band).delay_s == delay_s
+        assert station.content.receiver_in(band).delay_s == delay_s
     assert read_station(in_bands(tmp_path, COMMON, S="{}")).digest == read_station(written(tmp_path, COMMON)).digest
 
 
@@ -125,7 +125,7 @@ def test_the_receiver_of_a_run_takes_the_place_of_that_of_its_band(tmp_path: Pat
             params.link.host,
             params.link.port,
             params.iq.converter_mhz,
-            station.receiver_in("X").delay_s,
+            station.content.receiver_in("X").delay_s,
         ) == expected
     assert written_down.digest == request.station.description.digest
 
