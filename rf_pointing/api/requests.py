@@ -125,7 +125,7 @@ class RunRequest:
         if not self.receiver:
             return leans
         own = {f"bands.{name}.receiver" for name in content.bands} & self.station.description.lines.keys()
-        return leans | dict.fromkeys(sorted(own), {}) | flat({"receiver": vars(content.receiver)})
+        return leans | {key: {} for key in sorted(own)} | flat({"receiver": vars(content.receiver)})
 
     @cached_property
     def said(self) -> dict[str, dict[str, Any]]:
