@@ -129,7 +129,12 @@ FAULTS: dict[str, dict[str, tuple[Act, Act, str]]] = {
         "retuned by 30 kHz": (lambda radio: radio.retune(-3e4), lambda radio: radio.retune(0.0), "retuned"),
         "half the rate stated": (lambda radio: radio.state(0.5), lambda radio: radio.state(1.0), "rate"),
     },
-    "rtl_tcp": OF_BOTH | {"half the rate": (setting("share", 0.5), setting("share", 1.0), "arrive")},
+    "rtl_tcp": OF_BOTH
+    | {
+        "half the rate": (setting("share", 0.5), setting("share", 1.0), "arrive"),
+        "retuned by 10 kHz": (lambda radio: radio.retune(-1e4), lambda radio: radio.retune(0.0), "retuned"),
+        "retuned by 30 kHz": (lambda radio: radio.retune(-3e4), lambda radio: radio.retune(0.0), "no signal"),
+    },
 }
 """By the kind of the source: what begins and what ends a fault, and a word that names it."""
 
@@ -143,7 +148,8 @@ class Flight:
         words = ["--station", "leo_3m7", "--band", "S", "--mask", "8", "--sensor", "conscan",
                  "--namespace", namespace, "--output", str(folder), "--receiver", address]  # fmt: skip
         self.radio = Radio(kind, port, words)
-        self.words, self.mode, self.levels_s = "not yet", "", 0.0
+        self.words, self.mode = "not yet", ""
+        self.problems = dict[str, None]()
         self.modes = set[str]()
         self.worst_db = 0.0
         self.node = rclpy.create_node("disturber", namespace=namespace)
@@ -159,6 +165,7 @@ class Flight:
         for status in message.status:
             if status.name.endswith("signal_receiver: signal"):
                 self.words = status.message if status.level != b"\0" else ""
+                self.problems[self.words] = None
 
     def _on_status(self, message: TrackingStatus) -> None:
         self.mode = message.mode
@@ -203,9 +210,10 @@ class Flight:
         named_s = self.until(lambda: word in self.words, FAULT_S)
         self.wait(FAULT_S - (time.monotonic() - begun_s))
         end(self.radio)
+        self.problems.clear()
         back_s = self.until(self.good, 4.0 * BACK_S)
         row = {"fault": name, "named_s": named_s, "back_s": back_s, "off_db": self.worst_db,
-               "modes": sorted(self.modes - {Mode.CONSCAN})}  # fmt: skip
+               "modes": sorted(self.modes - {Mode.CONSCAN}), "words": list(self.problems)}  # fmt: skip
         row["good"] = named_s <= NAMED_S and back_s <= BACK_S and self.worst_db <= LOSS_DB
         self.until(lambda: not self.good(), SETTLED_S)
         self.until(self.good, BACK_S)

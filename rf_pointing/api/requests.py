@@ -89,7 +89,7 @@ class RunRequest:
             require_between("ephemeris_error_s", self.ephemeris_error_s, -60.0, 60.0)
         if self.receiver:
             description = self.station.description
-            section = receiver_section(self.receiver, description.content.receiver)
+            section = receiver_section(self.receiver, description.content.receiver_in(self.station.band))
             station = Station(received_by(description, section), self.station.band)
             object.__setattr__(self, "station", station)
         if self.station.simulated and self.speed is None and self.station.description.receiver != "simulated":
@@ -124,8 +124,8 @@ class RunRequest:
         leans = {} if train_deg is None else {"mount.train_deg": train_deg}
         if not self.receiver:
             return leans
-        own = {name: getattr(content.receiver, name) for name in ("type", *OPEN)}
-        return leans | {f"receiver.{name}": value for name, value in flat(own).items()}
+        own = {f"bands.{name}.receiver" for name in content.bands} & self.station.description.lines.keys()
+        return leans | {key: {} for key in sorted(own)} | flat({"receiver": vars(content.receiver)})
 
     @cached_property
     def said(self) -> dict[str, dict[str, Any]]:

@@ -16,6 +16,7 @@ from rf_pointing.api.requests import receiver_section
 from rf_pointing.commands.options import between, ending_with_reason
 from rf_pointing.receiver import SignalReceiver, SignalReceiverParams
 from rf_pointing.receiver.conformance import ReceiverCheck
+from rf_pointing.receiver.registry import SIMULATED, TOPIC
 from rf_pointing.station.description import read_station
 from rf_pointing.station.description.writing import received_by
 
@@ -41,8 +42,10 @@ def receiver_of(name: str, band: str | None, address: str) -> SignalReceiverPara
     """Return the receiver of a station; ValueError says why nothing can be checked."""
     station = read_station(name)
     if address:
-        station = received_by(station, receiver_section(address, station.content.receiver))
-    if station.receiver in ("simulated", "topic"):
+        station = received_by(
+            station, receiver_section(address, station.content.receiver_in(band or station.default_band))
+        )
+    if station.receiver in (SIMULATED, TOPIC):
         raise ValueError(f"receiver.type={station.receiver} of {station.name} has no device to check")
     params: SignalReceiverParams = station.sets("signal_receiver", band)["receiver"]
     return params

@@ -18,7 +18,7 @@ from rf_pointing.ros.main_loop import run
 from rf_pointing.ros.qos import LATCHED, SAMPLES, STREAM
 from rf_pointing.ros.station_node import StationNode
 from rf_pointing.station.antenna.radio import SimulatedRadio, seeded
-from rf_pointing.station.antenna.receiver import RadioParams, SignalParams
+from rf_pointing.station.antenna.receiver import SignalParams
 from rf_pointing.station.derive.axes import kinematics_of
 
 
@@ -34,22 +34,27 @@ class SignalSource(StationNode):
     def configure(self) -> None:
         source: SourceParams = self.parameters.value("source")
         ElementUpdates(source.elements).require()
-        radio = self._tune(load_track(source))
-        self._outlet = make_outlet(self.parameters.value("outlet"), radio.generator.rate_hz, radio.centre_hz)
-        self._at_cleanup.callback(self._outlet.close)
+        self._serve(load_track(source))
+        self._at_cleanup.callback(lambda: self._outlet.close())
         self._truth = self.stream(PointingError, "sim/pointing_error", STREAM)
         self.listen(Boresight, "sim/boresight", self._on_boresight, SAMPLES)
         self.listen(PassList, "passes", self._on_passes, LATCHED)
         self.diagnostics.add("samples", self._health)
 
-    def _tune(self, track: TopocentricTrack) -> RadioParams:
+    def _serve(self, track: TopocentricTrack) -> None:
         signal, radio = self.parameters.value("signal"), self.parameters.value("sdr")
         mount = kinematics_of(self.station.content)
         self._radio = SimulatedRadio(signal, seeded(radio, signal.seed), track, mount)
-        return radio
+        old, where = self._outlet, (self.parameters.value("outlet"), radio.generator.rate_hz)
+        if old is not None and (old.params, old.rate_hz) == where:
+            old.centre_hz = radio.centre_hz
+            return
+        if old is not None:
+            old.close()
+        self._outlet = make_outlet(*where, radio.centre_hz)
 
     def use_band(self) -> None:
-        self._outlet.centre_hz = self._tune(self._radio.track).centre_hz
+        self._serve(self._radio.track)
 
     def _on_passes(self, message: PassList) -> None:
         """Tune to the satellite that the ephemeris publisher predicts."""

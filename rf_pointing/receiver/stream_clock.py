@@ -22,6 +22,8 @@ STALL_S = 0.5
 WITHIN_S = 0.5
 RATE_SHARE = 0.01
 """How far the measured rate may be from the stated one."""
+FAR_OFF, JUDGED_S = 0.1, 1.0
+"""A rate that is named after a second: so short a window holds one arrival more or less."""
 
 
 @dataclass
@@ -56,11 +58,16 @@ class StreamClock:
         offset_s = arrival_s - index_end / self.rate_hz
         self._low, self._high = min(self._low, offset_s), max(self._high, offset_s)
         begun, begun_s = self._window
-        if arrival_s - begun_s >= WINDOW_S:
-            self.measured_hz = (index_end - begun) / (arrival_s - begun_s)
+        seconds = arrival_s - begun_s
+        far_off = seconds > JUDGED_S and self._is_far_off((index_end - begun) / seconds)
+        if far_off or seconds >= WINDOW_S:
+            self.measured_hz = (index_end - begun) / seconds
             self.spread_s = self._high - self._low
             self._low_before, self._low, self._high = self._low, math.inf, -math.inf
             self._window = index_end, arrival_s
+            if far_off:
+                # The count does not tell the time: what it was before is no longer true.
+                self._low, self._low_before = offset_s, math.inf
 
     def time_s(self, index: int) -> float | None:
         """Return the time of a sample at the antenna."""
@@ -74,18 +81,18 @@ class StreamClock:
     @property
     def wrong_rate(self) -> str:
         """Why the measured rate is not the stated one, "" if it is."""
-        last, begun = self._last, self._window
-        measured = self.measured_hz
-        if self._settled and last is not None and last[1] - begun[1] > 1.0:
-            measured = (last[0] - begun[0]) / (last[1] - begun[1])
-            # A short window holds one arrival more or less.
-            if abs(measured / self.rate_hz - 1.0) < 0.1:
-                measured = self.measured_hz
+        last, measured = self._last, self.measured_hz
         if not measured or abs(measured / self.rate_hz - 1.0) <= RATE_SHARE:
+            return ""
+        # The window under way has lasted: it is not far off.
+        if self._is_far_off(measured) and last is not None and last[1] - self._window[1] > JUDGED_S:
             return ""
         return (
             f"{1e-3 * measured:.1f} ksample/s arrive, iq.rate_hz states {1e-3 * self.rate_hz:.1f}"
         )
+
+    def _is_far_off(self, measured_hz: float) -> bool:
+        return abs(measured_hz / self.rate_hz - 1.0) > FAR_OFF
 
     def _settle(self, index_end: int, arrival_s: float) -> None:
         """Wait for the stated rate: what had waited in a queue comes faster."""

@@ -179,10 +179,10 @@ class StationSetup:
         sets = self.sets("rf_receiver")
         signal, real = sets["signal"], self._truth or load_track(sets["source"])
         mount = kinematics_of(self.station.content)
-        if self.station.receiver not in SAMPLED:
+        taken = self.sets("signal_receiver")["receiver"]
+        if taken.type not in SAMPLED:
             return SimulatedReceiver(signal, real, mount)
         radio = seeded(self.sets("signal_source")["sdr"], signal.seed)
-        taken = self.sets("signal_receiver")["receiver"]
         return SampledReceiver(SimulatedRadio(signal, radio, real, mount), taken, self.track())
 
     def controller(self) -> PointingController:

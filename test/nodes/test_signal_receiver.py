@@ -1,6 +1,9 @@
 """The radio of a simulated antenna and the receiver of its samples, over real sockets, in wall time."""
 
 import math
+import re
+import subprocess
+import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -21,13 +24,36 @@ from rf_pointing.station.description import read_station
 from test.graph.real_station import write_elements
 from test.receiver.test_sources import free_port
 
-NAME = "OVERHEAD"
+ROOT, NAME = Path(__file__).parents[2], "OVERHEAD"
 OFF_BEAM = 0.4
 """How far the beam is off the satellite, in the beamwidths of X band."""
 
 
-class Wireless:
-    """Both nodes on one description, with a satellite that culminates in a minute."""
+class Source:
+    """The radio of a description, with a satellite that culminates in a while."""
+
+    def __init__(self, make_bench: Callable[..., Any], station: Path, in_s: float) -> None:
+        read = read_station(station)
+        elements = write_elements(station.parent, read.site, time.time() + in_s)
+        self.track = load_track(SourceParams(elements=str(elements), satellite=NAME, site=read.site))
+        given = {"source.elements": str(elements), "source.satellite": NAME}
+        self.source = make_bench(SignalSource, real_time=True, station=str(station), **given).up()
+        self.sent_s = math.floor(50.0 * self.source.node.now_s()) / 50.0
+        self.off_rad = 0.0
+
+    def give(self) -> None:
+        """Give the source the boresights of now."""
+        while self.sent_s + 0.02 < self.source.node.now_s():
+            self.sent_s = round(self.sent_s + 0.02, 6)
+            aim = self.track.target_at(self.sent_s)
+            elevation_rad = aim.elevation_rad + self.off_rad
+            beam = Boresight(t_s=self.sent_s, azimuth_rad=aim.azimuth_rad, elevation_rad=elevation_rad)
+            self.source.give("sim/boresight", convert.boresight_to_message(beam))
+        self.source.turn()
+
+
+class Wireless(Source):
+    """Both nodes on one description."""
 
     def __init__(self, make_bench: Callable[..., Any], folder: Path, kind: str) -> None:
         station, shipped = folder / "dish.yaml", read_station("leo_3m7")
@@ -35,13 +61,12 @@ class Wireless:
         own = {"type": kind, "iq.rate_hz": 480e3, "iq.converter_mhz": 4000.0} | {
             f"link.{name}": value for name, value in link.items()
         }
-        shipped.write(station, {f"receiver.{name}": value for name, value in own.items()})
-        elements = write_elements(folder, shipped.site, time.time() + 60.0)
-        self.track = load_track(SourceParams(elements=str(elements), satellite=NAME, site=shipped.site))
-        given = {"source.elements": str(elements), "source.satellite": NAME}
-        self.source = make_bench(SignalSource, real_time=True, station=str(station), **given).up()
+        # In S band another device: its port, converter and rate.
+        other = {"link.port": free_port(), "iq.converter_mhz": 1800.0, "iq.rate_hz": 240e3}
+        given = {f"receiver.{name}": value for name, value in own.items()}
+        shipped.write(station, given | {f"bands.S.receiver.{name}": value for name, value in other.items()})
+        super().__init__(make_bench, station, 60.0)
         self.receiver = make_bench(SignalReceiverNode, beside=True, real_time=True, station=str(station)).up()
-        self.sent_s = math.floor(50.0 * self.source.node.now_s()) / 50.0
         self.off_rad = OFF_BEAM * shipped.sets("signal_source", "X")["signal"].beam.half_power_beamwidth_rad
 
     @property
@@ -65,16 +90,9 @@ class Wireless:
         end_s = self.sent_s + patience_s
         while not until():
             assert self.sent_s < end_s, self.receiver.health("signal").message
-            while self.sent_s + 0.02 < self.source.node.now_s():
-                self.sent_s = round(self.sent_s + 0.02, 6)
-                aim = self.track.target_at(self.sent_s)
-                beam = Boresight(
-                    t_s=self.sent_s, azimuth_rad=aim.azimuth_rad, elevation_rad=aim.elevation_rad + self.off_rad
-                )
-                self.source.give("sim/boresight", convert.boresight_to_message(beam))
-                ahead = self.track.target_at(self.sent_s + 1.0)
-                self.receiver.give("target", convert.target_to_message(ahead))
-            self.source.turn()
+            self.give()
+            ahead = self.track.target_at(self.sent_s + 1.0)
+            self.receiver.give("target", convert.target_to_message(ahead))
             self.receiver.run(0.005, 0.005)
 
 
@@ -90,7 +108,35 @@ def test_radio_and_receiver_follow_to_another_band_and_measure_what_its_beam_and
         before = len(link.levels)
         link.run(lambda before=before: len(link.levels) > before + 20)
         numbers = link.receiver.node.parameters.value("receiver")
+        radio = link.receiver.node.station.content.receiver_in(band)
+        assert numbers.link.port == link.source.node.parameters.value("outlet").port == radio.link["port"]
+        assert numbers.iq.rate_hz == radio.iq["rate_hz"]
         sets = link.receiver.node.station.sets("signal_source", band)
         assert numbers.frequency_hz == sets["sdr"].doppler_hz == link.receiver.node.station.sets("rf_receiver", band)[
             "signal"].frequency_hz  # fmt: skip
         assert float(np.median(link.levels[-8:])) == pytest.approx(link.level_db_hz(sets["signal"]), abs=0.5)
+
+
+def test_the_page_holds_for_whoever_pastes_it_in_an_empty_folder(
+    make_bench: Callable[..., Any], tmp_path: Path
+) -> None:
+    """The lines but that of `track`, which flies a whole pass: `benchmarks/first_hour.py`."""
+    text = (ROOT / "docs" / "my_receiver.md").read_text()
+    station, port = (
+        next(each for each in re.findall(r"```\n(.*?)```", text, re.DOTALL) if "version" in each),
+        free_port(),
+    )
+    assert station.count("\n") <= 10
+    (tmp_path / "my_dish.yaml").write_text(station.replace("1234", str(port)))
+    radio = Source(make_bench, tmp_path / "my_dish.yaml", 0.0)
+    lines = re.findall(r"^    scripts/run (check_\w+)(.* my_dish.yaml)$", text, re.MULTILINE)
+    assert [name for name, _ in lines] == ["check_station", "check_receiver"]
+    for name, arguments in lines:
+        words = [sys.executable, "-m", f"rf_pointing.commands.{name}", *arguments.split()]
+        program = subprocess.Popen(words, cwd=tmp_path, stdout=subprocess.PIPE, text=True)
+        while program.poll() is None:
+            radio.give()
+            time.sleep(0.005)
+        said = program.communicate()[0]
+        assert program.returncode == 0, said
+    assert "9 of 9 passed" in said

@@ -51,6 +51,13 @@ class Planted:
         self._centre_hz = centre_hz * (1.0 + 1e-6 * self.clock_ppm)
         self.index, self.skipped = 0, 0
 
+    @property
+    def converter_noise(self) -> float:
+        """Noise that the rounding of the converter adds, over that of the channel."""
+        params = self.generator.params
+        step = 2.0 ** (1 - params.bits) if params.bits else 0.0
+        return 2.0 * step**2 / 12.0 / 10.0 ** (0.1 * params.noise_dbfs)
+
     def time_s(self, index: int) -> float:
         return START_S + index / self._true_rate
 

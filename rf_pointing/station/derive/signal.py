@@ -25,7 +25,6 @@ _LOSS_MHZ, _LOSS_DB = (100.0, 2300.0, 8450.0, 32000.0, 50000.0), (0.03, 0.035, 0
 COSMIC_K, AIR_K, GROUND_K = 2.725, 275.0, 8.0
 ZENITH_LEVEL = "zenith_carrier_to_noise_db_hz"
 
-
 OPEN = "link", "iq", "signal", "level"
 """Sections of `receiver` whose keys are those of the node's parameters."""
 
@@ -33,11 +32,11 @@ OPEN = "link", "iq", "signal", "level"
 def receiver(of: Band) -> dict[str, Value]:
     """The receiver of the station, as signal_receiver takes it."""
     section = of.content.receiver
-    given = {f"{name}.{key}": value for name in OPEN for key, value in flat(getattr(section, name)).items()}
+    sections = {name: getattr(section, name) for name in OPEN}
     own = {"type": section.type, "options": section.options}
     return (
         {name: Value(value, f"receiver.{name}") for name, (_, value) in leaves(SignalReceiverParams()).items()}
-        | {name: Value(value, f"receiver.{name}") for name, value in (own | given).items()}
+        | {name: Value(value, f"receiver.{name}") for name, value in (own | flat(sections)).items()}
         | {
             "period_s": Value(section.power_period_s, "receiver.power_period_s"),
             "frequency_hz": Value(1e6 * of.section.frequency_mhz, "bands.*.frequency_mhz"),

@@ -28,6 +28,7 @@ from rf_pointing.station.description.content import (
     AZIMUTH_TEXT,
     ELEVATION_TEXT,
     ArraySection,
+    BandReceiverSection,
     BandSection,
     Content,
     MountSection,
@@ -69,7 +70,8 @@ def check(content: Content, reader: Reader, nodes: tuple[str, ...]) -> HorizonMa
     if kind not in ("simulated", "topic") and not takes_positions(kind) and kind not in known_types():
         known = one_of(kind, ("simulated", "topic", *known_types()))
         reader.note("drive.type", f"drive.type={kind!r} must be {known}")
-    _check_receiver(content.receiver, reader)
+    if content.receiver is not None:
+        _check_receiver(content.receiver, content.receiver, "receiver", reader)
     if content.simulation is not None and "antenna_servo" in nodes:
         _check_errors(content.simulation.mount_errors, "simulation.mount_errors", reader)
     return mask
@@ -82,23 +84,23 @@ def _check_errors(values: Mapping[str, Any] | None, key: str, reader: Reader) ->
     _check_names({"mount": MountParams()}, errors, key, reader, strip="mount.")
 
 
-def _check_receiver(section: ReceiverSection | None, reader: Reader) -> None:
-    if section is None or section.type == "simulated":
+def _check_receiver(given: BandReceiverSection, whole: ReceiverSection, key: str, reader: Reader) -> None:
+    if whole.type == "simulated":
         return
     from rf_pointing.receiver.registry import check_params, known_types
 
     problems = len(reader.problems)
-    if section.type not in known_types():
+    if whole.type not in known_types():
         known = ", ".join(known_types())
-        reader.note("receiver.type", f"receiver.type={section.type!r} must be one of {known}")
-    given = {f"{name}.{key}": value for name in OPEN for key, value in flat(getattr(section, name) or {}).items()}
-    rows = {f"receiver.{name}": value for name, value in given.items()}
-    _check_names({"receiver": SignalReceiverParams()}, rows, "receiver", reader, strip="receiver.")
+        reader.note(f"{key}.type", f"{key}.type={whole.type!r} must be one of {known}")
+    rows = flat({"receiver": {name: getattr(given, name) or {} for name in OPEN}})
+    _check_names({"receiver": SignalReceiverParams()}, rows, key, reader, strip="receiver.")
     if len(reader.problems) == problems:
         try:
-            check_params(with_leaves(SignalReceiverParams(), {"type": section.type, **given}))
+            sections = flat({name: getattr(whole, name) or {} for name in OPEN})
+            check_params(with_leaves(SignalReceiverParams(), {"type": whole.type, **sections}))
         except ValueError as error:
-            reader.note("receiver", f"receiver.{error}")
+            reader.note(key, f"{key}.{error}")
 
 
 def _misplaced(mount: MountSection) -> Iterator[tuple[str, str]]:
@@ -308,6 +310,12 @@ def _check_band(content: Content, name: str, section: BandSection, reader: Reade
         for index, stage in enumerate(section.noise.chain or ()):
             if why := stage.contradiction():
                 reader.note(f"{key}.noise.chain", f"{key}.noise.chain[{index}] {why}")
+    if (its := section.receiver) and any(vars(its).values()) and (common := content.receiver):
+        here, kinds = content.receiver_in(name), {its.type or common.type, common.type}
+        if len(kinds) > 1 and kinds & {"simulated", "topic"}:
+            text = f"{key}.receiver.type={its.type!r}: receiver.type={common.type!r} has other nodes"
+            reader.note(f"{key}.receiver.type", text)
+        _check_receiver(its, here, f"{key}.receiver", reader)
     _check_tuning(section.tuning, f"{key}.tuning", reader, nodes)
     if "antenna_servo" in nodes:
         _check_errors(section.mount_errors, f"{key}.mount_errors", reader)

@@ -5,12 +5,13 @@ Angles are in degrees, as a user writes them; the unit is the end of a key's nam
 default is None is derived when it is not given (`station/derive`).
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
 from rf_pointing.core import parameter
 from rf_pointing.core.mount_types import AZIMUTH_ELEVATION, LOWER_AXES, MOUNTS, MountType
+from rf_pointing.core.parameters import flat
 from rf_pointing.core.signals import AXES
 from rf_pointing.core.types import Pair
 from rf_pointing.tracking.sensors import SENSORS
@@ -20,6 +21,11 @@ AZIMUTH_TEXT = "azimuth axis; more than 360 deg of travel is the cable wrap"
 ELEVATION_TEXT = "elevation axis; beyond 90 deg the dish looks over its back"
 Open = dict[str, Any]
 """A section whose keys somebody else declares: a drive, the tuning of the nodes."""
+
+
+def section(description: str, kind: Callable[[], Any] = dict) -> Any:
+    """Return a field for a section that may be left out."""
+    return field(default_factory=kind, metadata={"description": description})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,10 +95,7 @@ class MountSection:
     type: str = parameter(AZIMUTH_ELEVATION, "how the axes lie, the lower one first", choices=MOUNTS)
     azimuth: AxisSection | None = parameter(None, AZIMUTH_TEXT)
     elevation: AxisSection | None = parameter(None, ELEVATION_TEXT)
-    axes: dict[str, AxisSection] = field(
-        default_factory=dict,
-        metadata={"description": "axes of another mount by their names: x and y, hour_angle and declination"},
-    )
+    axes: dict[str, AxisSection] = section("axes of another mount by their names: x and y, hour_angle and declination")
     lower_axis: str | None = parameter(None, "direction of the x axis of an X-Y mount", choices=LOWER_AXES)
     tilt_deg: float | None = parameter(
         None, "angle by which a tilt axis leans the azimuth axis, to a side chosen for each pass", low=0.1, high=45.0
@@ -246,6 +249,20 @@ class FeedOffsetSection:
 
 
 @dataclass(frozen=True, kw_only=True)
+class BandReceiverSection:
+    """Keys that a band has in place of those of the common `receiver`."""
+
+    type: str | None = parameter(None, "where the signal comes from")
+    power_period_s: float | None = parameter(None, "time between two powers", low=0.06, high=10.0)
+    delay_s: float | None = parameter(None, "time from direction to power", low=-60.0, high=60.0)
+    options: str | None = parameter(None, "text for a receiver of your own")
+    link: Open = section("how the device is reached")
+    iq: Open = section("samples of a radio")
+    signal: Open = section("what is measured in samples")
+    level: Open = section("what a reported level means")
+
+
+@dataclass(frozen=True, kw_only=True)
 class BandSection:
     """One frequency band."""
 
@@ -281,26 +298,19 @@ class BandSection:
     acquisition_band: str = parameter(
         "", "wider band in which a pass begins while its target is uncertain; its satellites must transmit in both"
     )
-    mount_errors: Open = field(
-        default_factory=dict, metadata={"description": "mount errors of the simulated antenna that differ in this band"}
-    )
-    tuning: Open = field(
-        default_factory=dict, metadata={"description": "values of this band over the derived ones, by their names"}
-    )
+    receiver: BandReceiverSection = section("its own keys of receiver", BandReceiverSection)
+    mount_errors: Open = section("mount errors of the simulated antenna that differ in this band")
+    tuning: Open = section("values of this band over the derived ones, by their names")
 
 
 @dataclass(frozen=True, kw_only=True)
-class ReceiverSection:
+class ReceiverSection(BandReceiverSection):
     """The receiver that measures the carrier: simulated, or a device of yours."""
 
     type: str = parameter("simulated", "where the signal comes from, as receiver.type of signal_receiver")
     power_period_s: float = parameter(0.1, "time between two carrier powers", low=0.06, high=10.0)
     delay_s: float = parameter(0.0, "time from the beam's direction to the power that it gives", low=-60.0, high=60.0)
     options: str = parameter("", "text for a receiver of your own")
-    link: Open = field(default_factory=dict, metadata={"description": "how the device is reached"})
-    iq: Open = field(default_factory=dict, metadata={"description": "samples of a radio"})
-    signal: Open = field(default_factory=dict, metadata={"description": "what is measured in samples"})
-    level: Open = field(default_factory=dict, metadata={"description": "what a reported level means"})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -367,13 +377,8 @@ class SimulationSection:
         low=-1000.0, high=1000.0)  # fmt: skip
     along_track_offset_s: float = parameter(0.0, "satellite ahead of its elements by", low=-60.0, high=60.0)
     lag_averaging_s: float = parameter(5.0, "time in which the lags of the mount build up", low=0.1, high=100.0)
-    wind: SimulatedWindSection = field(
-        default_factory=SimulatedWindSection, metadata={"description": "wind on the simulated antenna"}
-    )
-    mount_errors: Open = field(
-        default_factory=dict,
-        metadata={"description": "mount errors of the simulated antenna, as mount.* of antenna_servo"},
-    )
+    wind: SimulatedWindSection = section("wind on the simulated antenna", SimulatedWindSection)
+    mount_errors: Open = section("mount errors of the simulated antenna, as mount.* of antenna_servo")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -386,17 +391,20 @@ class Content:
     mount: MountSection = parameter(description="axes and where they may look")
     dish: DishSection | None = parameter(None, "the dish; omit for antennas without one (Yagi)")
     array: ArraySection | None = parameter(None, "array of patches on the dish; omit for dishes without one")
-    sun: SunSection = field(default_factory=SunSection, metadata={"description": "the zone around the Sun"})
-    wind: WindSection = field(default_factory=WindSection, metadata={"description": "wind that stows the antenna"})
+    sun: SunSection = section("the zone around the Sun", SunSection)
+    wind: WindSection = section("wind that stows the antenna", WindSection)
     default_band: str = parameter("", "band that is used when none is named; empty: the first one")
     bands: dict[str, BandSection] = parameter(description="frequency bands by their names, as S, X, Ka, UHF")
-    drive: Open = field(
-        default_factory=lambda: {"type": "simulated"},
-        metadata={"description": "the drive: its type, simulated by default, and the keys of that type"},
-    )
-    receiver: ReceiverSection = field(default_factory=ReceiverSection, metadata={"description": "the receiver"})
+    drive: Open = section("its type and the keys of that type", lambda: {"type": "simulated"})
+    receiver: ReceiverSection = section("the receiver", ReceiverSection)
     radio: RadioSection | None = parameter(None, "frequencies and transmitter; omit for a station without a radio")
-    simulation: SimulationSection = field(
-        default_factory=SimulationSection, metadata={"description": "truth of the simulated antenna and receiver"}
-    )
-    tuning: Open = field(default_factory=dict, metadata={"description": "values over the derived ones, by their names"})
+    simulation: SimulationSection = section("truth of the simulated antenna and receiver", SimulationSection)
+    tuning: Open = section("values over the derived ones, by their names")
+
+    def receiver_in(self, band: str) -> ReceiverSection:
+        """Return the receiver, with what a band has of its own."""
+        found = dict(vars(self.receiver))
+        for name, own in vars(self.bands[band].receiver).items():
+            if own not in (None, {}):
+                found[name] = flat(found[name] or {}) | flat(own) if isinstance(own, dict) else own
+        return ReceiverSection(**found)

@@ -138,6 +138,8 @@ class StationDescription:
         for name, section in content["bands"].items():
             if section["feed_offset"] is None:
                 del section["feed_offset"]
+            if not any(section["receiver"].values()):
+                del section["receiver"]
             model = self.bias_model_file(name)
             section["bias_model"] = read_whole(model) if model else ""
         return hashlib.sha256(json.dumps(content, sort_keys=True, default=str).encode()).hexdigest()[:16]
@@ -147,7 +149,10 @@ class StationDescription:
         chosen = self._band(band)
         if (node, chosen) not in self._derived:
             model = self.bias_model_file(chosen)
-            numbers = Band(self.content, chosen, self.mask, str(model) if model else "")
+            content = self.content
+            if any(vars(content.bands[chosen].receiver).values()):
+                content = dataclasses.replace(content, receiver=content.receiver_in(chosen))
+            numbers = Band(content, chosen, self.mask, str(model) if model else "")
             tuning = (("tuning", self.content.tuning), (f"bands.{chosen}.tuning", numbers.section.tuning))
             given = {
                 name: Value(value, f"{key}.{name}", "given")

@@ -8,13 +8,15 @@ from typing import Any
 import yaml
 
 from rf_pointing.core.whole_file import compose_yaml, read_whole
-from rf_pointing.station.description.content import ReceiverSection
+from rf_pointing.station.description.content import BandReceiverSection, ReceiverSection
 from rf_pointing.station.description.description import StationDescription
 
 
 def received_by(station: StationDescription, section: ReceiverSection) -> StationDescription:
-    """Return the same station with another receiver."""
-    return _other(station, receiver=section)
+    """Return the same station with another receiver, which is that of every band."""
+    own = BandReceiverSection()
+    bands = {name: replace(each, receiver=own) for name, each in station.content.bands.items()}
+    return _other(station, receiver=section, bands=bands)
 
 
 def leaning(station: StationDescription, train_rad: float) -> StationDescription:

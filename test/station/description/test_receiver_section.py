@@ -1,9 +1,11 @@
 """The section `receiver`: what reaches the nodes, what is refused, and addresses of a command line."""
 
+import re
 from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
 
 from rf_pointing.api.requests import TrackRequest, receiver_section
 from rf_pointing.api.station import Station
@@ -63,6 +65,69 @@ def test_a_section_that_cannot_work_is_refused_at_its_line(tmp_path: Path, secti
 def test_gates_know_whether_a_level_is_a_c_n0(tmp_path: Path, section: str, known: bool) -> None:
     controller = read_station(written(tmp_path, section)).sets("pointing_controller", "X")
     assert controller["watch"].compares_level is known
+
+
+def in_bands(folder: Path, section: str, **own: str) -> Path:
+    path, added = written(folder, section), {name: yaml.safe_load(text) for name, text in own.items()}
+    content = yaml.safe_load(path.read_text())
+    for name, text in added.items():
+        content["bands"][name]["receiver"] = text
+    path.write_text(yaml.safe_dump(content))
+    return path
+
+
+COMMON = "{type: rtl_tcp, link: {host: dish, port: 7}, iq: {rate_hz: 1.0e6}, delay_s: 0.2}"
+MODEM = (
+    "{type: level, delay_s: 1.5, power_period_s: 0.5, link: {port: 9}, level: {kind: dbm, pattern: '(?P<level>.+)'}}"
+)
+
+
+def test_a_band_has_what_it_states_of_its_own_receiver_and_the_rest_of_the_common_one(tmp_path: Path) -> None:
+    path = in_bands(tmp_path, COMMON, X="{iq: {converter_mhz: 7000.0}}", S=MODEM)
+    x, s, station = params_of(path), params_of(path, "S"), read_station(path)
+    assert (x.type, x.link, x.iq.rate_hz, x.iq.converter_mhz, x.period_s) == ("rtl_tcp", s.link.replace(port=7), 1e6,
+        7000.0, 0.1)  # fmt: skip
+    assert (s.type, s.link.host, s.link.port, s.iq.rate_hz, s.iq.converter_mhz, s.period_s) == (
+        "level", "dish", 9, 1e6, 0.0, 0.5)  # fmt: skip
+    assert s.level.pattern == "(?P<level>.+)"
+    for band, known, delay_s in (("X", True, 0.2), ("S", False, 1.5)):
+        assert station.sets("pointing_controller", band)["watch"].compares_level is known
+        assert station.content.receiver_in(band).delay_s == delay_s
+    assert read_station(in_bands(tmp_path, COMMON, S="{}")).digest == read_station(written(tmp_path, COMMON)).digest
+
+
+@pytest.mark.parametrize(
+    ("common", "own", "reason"),
+    [
+        (COMMON, "{type: topic}", "bands.S.receiver.type='topic': receiver.type='rtl_tcp' has other nodes"),
+        ("{}", "{type: rtl_tcp}", "bands.S.receiver.type='rtl_tcp': receiver.type='simulated' has other nodes"),
+        (COMMON, "{type: radio}", "bands.S.receiver.type='radio' must be one of simulated"),
+        (COMMON, "{iq: {rate: 1.0}}", "bands.S.receiver.iq.rate: no such key of bands.S.receiver; did you mean"),
+        (COMMON, "{iq: {rate_hz: 1.0}}", "rate_hz=1.0 must be >= 8000"),
+        (COMMON, "{power_period_s: 0.01}", "power_period_s=0.01 must be >= 0.06"),
+        (COMMON, "{signal: {channels: 2}}", "bands.S.receiver.signal.channels=2 must be 1"),
+    ],
+)
+def test_a_receiver_of_a_band_that_cannot_work_is_refused(tmp_path: Path, common: str, own: str, reason: str) -> None:
+    with pytest.raises(ValueError, match=re.escape(reason)):
+        read_station(in_bands(tmp_path, common, S=own))
+
+
+def test_the_receiver_of_a_run_takes_the_place_of_that_of_its_band(tmp_path: Path) -> None:
+    path = in_bands(tmp_path, COMMON, X="{link: {port: 8}, iq: {converter_mhz: 7000.0}}")
+    request = TrackRequest(station=Station(path, "X"), receiver="rtl_tcp://lab")
+    expected = ("lab", 8, 7000.0, 0.2)
+    request.station.description.write(tmp_path / "run.yaml", request.changes)
+    written_down = read_station(tmp_path / "run.yaml")
+    for station in (request.station.description, written_down):
+        params = station.sets("signal_receiver", "X")["receiver"]
+        assert (
+            params.link.host,
+            params.link.port,
+            params.iq.converter_mhz,
+            station.content.receiver_in("X").delay_s,
+        ) == expected
+    assert written_down.digest == request.station.description.digest
 
 
 @pytest.mark.parametrize(
