@@ -50,7 +50,7 @@ QUICK = {
 WALL_TIME = (
     "attack", "first_hour", "graph", "live_sensors", "live_stalls", "memory_growth", "operator_page", "processes",
     "radio", "real_campaign", "receiver_faults", "receiver_pass", "rotator_pass", "servo_jitter",
-    "slews_on_a_drive", "soak", "two_computers",
+    "slews_on_a_drive", "soak", "two_antennas", "two_computers",
 )  # fmt: skip
 MINUTES = (
     "array_trials", "clock", "ephemeris_accuracy", "ephemeris_trials", "error_ledger", "lock_watch", "lqg_tuning", "mutants",

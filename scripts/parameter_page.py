@@ -10,6 +10,7 @@ import importlib
 import inspect
 import re
 import sys
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -107,9 +108,11 @@ def declarations() -> dict[str, list[Declared]]:
 def parameter_page(nodes: dict[str, list[Declared]]) -> str:
     """Return the page."""
     shared, tables = {}, []
+    nodes_of = Counter(each.name for parameters in nodes.values() for each in parameters)
     for node, parameters in nodes.items():
-        own = [each for each in parameters if each.prefix not in EVERY_NODE]
-        shared |= {each.name: each for each in parameters if each.prefix in EVERY_NODE}
+        common = [each for each in parameters if each.prefix in EVERY_NODE and nodes_of[each.name] > 1]
+        own = [each for each in parameters if each not in common]
+        shared |= {each.name: each for each in common}
         tables.append((node, own))
     index = [f"- [{node}](#{node}): {len(own)} parameters" for node, own in tables]
     blocks = [HEADER, "\n".join(["- [Every node](#every-node)", *index]) + "\n"]

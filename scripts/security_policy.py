@@ -83,7 +83,7 @@ def made(node: Any) -> dict[str, set[str]]:
     """Return the names of what the node made through rclpy, without actions and what ROS adds."""
     return {
         "publish": {each.topic_name for each in node.publishers},
-        "subscribe": {each.topic_name for each in node.subscriptions},
+        "subscribe": {each.topic_name for each in node.subscriptions if "/_action/" not in each.topic_name},
         "reply": {each.service_name for each in node.services},
         "request": {each.service_name for each in node.clients},
     }
@@ -99,6 +99,9 @@ def accesses(node: Any) -> Access:
     until = time.monotonic() + GRAPH_WITHIN_S
     while True:
         found = in_graph(node)
+        # Who takes the feedback of another one's goals is allowed what its client is.
+        found.add("call", {each.topic_name.partition("/_action/")[0] for each in node.subscriptions
+                           if "/_action/" in each.topic_name})  # fmt: skip
         missing = {name for rule, names in made(node).items() for name in names - found.names[rule]}
         if not missing:
             return found
@@ -145,6 +148,8 @@ def ros(namespace: str, station: Path) -> Iterator[None]:
     given["/**"] = {"use_sim_time": True}
     given["/**/ephemeris_publisher"] |= {"source.refraction": "measured", "source.satellite": "Moon"}
     given["/**/rf_receiver"]["source.satellite"] = "Moon"
+    # One of two controllers has all that the only one has.
+    given["/**/pointing_controller"]["lifecycle.standby"] = "first"
     given[f"/**/{EXECUTIVE}"]["executive.folder"] = str(station.with_suffix(""))
     given[f"/**/{ALARMS}"]["folder"] = str(station.with_suffix(""))
     file = station.with_suffix(".parameters.yaml")

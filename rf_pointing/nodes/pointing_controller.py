@@ -10,7 +10,8 @@ ephemeris_publisher/select_target finds; scan (rf_pointing_msgs/Scan): the beam 
 Services (std_srvs/Trigger): ~/stop ends the pass under control; ~/calibrate runs the circle on
 which the monopulse tracker calibrates its feed.
 Parameters: those of `ControllerParams`, certificate_folder (where every certificate is stored
-as a file; empty: nowhere), and command_key_file (the key that signs the commands).
+as a file; empty: nowhere), command_key_file (the key that signs the commands), and
+lifecycle.standby (first or second of two: `ros/standby.py`).
 """
 
 import time
@@ -22,10 +23,10 @@ from std_srvs.srv import Trigger
 from rf_pointing.ephemeris.solar import SunPermit
 from rf_pointing.ros import convert, convert_planning
 from rf_pointing.ros.convert_calibration import model_from_message
-from rf_pointing.ros.convert_planning import profile_from_message
 from rf_pointing.ros.graph import TEMPERATURE
 from rf_pointing.ros.main_loop import run
 from rf_pointing.ros.qos import LATCHED, STATUS, STREAM
+from rf_pointing.ros.standby import StandbyParams
 from rf_pointing.ros.station_node import StationNode
 from rf_pointing.ros.station_watches import ClockWatch, ExecutiveWatch
 from rf_pointing.ros.track_pass import TrackPassServer
@@ -46,6 +47,7 @@ class PointingControllerNode(StationNode):
     # What commands the antenna refuses a description that any node would refuse.
     CHECKS_EVERY_NODE = True
     LEADS_BAND = True
+    LIFECYCLE = StandbyParams()
 
     def __init__(self) -> None:
         # Before the declarations: `autotrack.sensor` takes their names.
@@ -62,8 +64,7 @@ class PointingControllerNode(StationNode):
         real = self.station is not None and self.station.receiver != "simulated"
         core.take_model(feed_model(self.station.content, self.band))
         if self.get_parameter("use_sim_time").value and not real:
-            # Simulated time waits for the period, also on a busy machine.  What a real receiver
-            # measures comes only as time goes on.
+            # Simulated time waits for the period; what a real receiver measures needs its time.
             goals.longest_wait_s = SIMULATED_WAIT_S
         self._server.configure(goals, self.parameters.value("key"))
 
@@ -73,23 +74,21 @@ class PointingControllerNode(StationNode):
             goals.controller.permit_sun(self._permit, self.band)
 
         def take_profiles(message: ours.PassProfileList) -> None:
-            profiles = [profile_from_message(each) for each in message.profiles]
-            goals.controller.take_profiles(profiles)
-
-        def take_error(message: ours.PointingError) -> None:
-            goals.controller.take_error(convert.error_from_message(message))
+            goals.controller.take_profiles([*map(convert_planning.profile_from_message, message.profiles)])
 
         def take_model(message: ours.PointingModel) -> None:
             # The calibrator may not have followed to this band yet.
             if message.band in ("", self.band):
                 goals.take_model(model_from_message(message), message.band)
 
-        target = convert.target_from_message
+        target, error = convert.target_from_message, convert.error_from_message
+        take_error = lambda m: goals.controller.take_error(error(m))  # noqa: E731
         self.listen(ours.Target, "target", lambda m: goals.controller.take_target(target(m)), STREAM, required=True)
         self.listen(ours.AntennaStatus, "antenna_status", take_status, STATUS, steady=True, required=True)
         self.listen(ours.PointingError, "pointing_error", take_error, STREAM)
         self.listen(ours.PointingModel, "pointing_model", take_model, LATCHED)
-        self.listen(Temperature, TEMPERATURE, self._on_temperature, STREAM)
+        temperature_k = convert.temperature_from_message
+        self.listen(Temperature, TEMPERATURE, lambda m: goals.take_temperature(temperature_k(m)), STREAM)
         self.listen(ours.PassProfileList, "pass_profiles", take_profiles, LATCHED)
         self.serve_action(Trigger, "~/stop", self._stop, urgent=True)
         self.serve_action(Trigger, "~/calibrate", self._calibrate)
@@ -98,23 +97,27 @@ class PointingControllerNode(StationNode):
         ClockWatch(self)
 
     def activate(self) -> None:
-        self.every(self._goals.controller.params.pointing.period_s, self._due)
+        goals = self._goals
+        due = lambda t_s: goals.due(t_s, self.now_s(), time.perf_counter())  # noqa: E731
+        self.every(goals.controller.params.pointing.period_s, due)
 
     def deactivate(self) -> None:
         self._goals.deactivate(self.now_s())
 
-    def _due(self, t_s: float) -> None:
-        self._goals.due(t_s, self.now_s(), time.perf_counter())
-
     def turn(self) -> float:
         longest_s = super().turn()
+        self._server.turn()
         return min(self._goals.turn(self.now_s(), time.perf_counter()), longest_s) if self._goals else longest_s
 
+    def follow_band(self) -> None:
+        # A pass that is followed takes its band by itself.
+        if not self._goals.busy:
+            super().follow_band()
+
     def use_band(self) -> None:
-        senders = self.get_publishers_info_by_topic("pointing_model")
-        calibrated = any(each.node_name == "bias_calibrator" for each in senders)
+        senders = {each.node_name for each in self.get_publishers_info_by_topic("pointing_model")}
         model = feed_model(self.station.content, self.band)
-        self._goals.use_band(self._params(), model, self._wider(), calibrated=calibrated)
+        self._goals.use_band(self._params(), model, self._wider(), calibrated="bias_calibrator" in senders)
         self._goals.controller.permit_sun(self._permit, self.band)
 
     def _sensor(self, sensor: str) -> str:
@@ -130,9 +133,6 @@ class PointingControllerNode(StationNode):
     def _retune(self) -> None:
         if self._goals is not None:
             self._goals.retune(self._params(), self.parameters.value(""))
-
-    def _on_temperature(self, message: Temperature) -> None:
-        self._goals.take_temperature(convert.temperature_from_message(message))
 
     def _stop(self, _request: Trigger.Request) -> str:
         if not self._goals.stop("stop was requested"):

@@ -61,7 +61,6 @@ class StationExecutive(StationNode):
         messages.hear_outages(self, watch)
         self._at_cleanup.callback(watch.alarms.hooks.close)
         self._at_cleanup.callback(watch.sender.close)
-        self._published_wall_s = 0.0
         self._key = messages.hear_night(self, watch, self.parameters.value("executive"))
         self._schedule = self.stream(ours.Schedule, SCHEDULE, LATCHED)
         self._status = self.stream(ours.ExecutiveStatus, EXECUTIVE_STATUS, STATUS)
@@ -84,10 +83,10 @@ class StationExecutive(StationNode):
         self._publish(ended=True)
 
     def turn(self) -> float:
-        """Take responses, and publish the status once a second."""
+        """Take responses, and publish the status as often as it is due."""
         if self.active:
             self.watch.poll(self.now_s())
-            if time.monotonic() - self._published_wall_s >= 1.0:
+            if self.watch.status_due(time.monotonic()):
                 self._publish()
         return 0.05
 
@@ -137,7 +136,6 @@ class StationExecutive(StationNode):
         publisher.publish(message)
 
     def _publish(self, *, ended: bool = False) -> None:
-        self._published_wall_s = time.monotonic()
         status = messages.executive_status_to_message(self.watch, self.now_s(), ended=ended)
         self._send(self._status, status, EXECUTIVE_STATUS)
         if self._goal.lasts:

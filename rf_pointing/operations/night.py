@@ -317,9 +317,11 @@ class Night:
     def _hand_over(self, work: PassWork, entry: Entry, effect: str, now_s: float) -> None:
         """Leave a pass in work to a partner, or take it over from one."""
         theirs = work.id in self.taken
-        if entry.state == PassState.ACTIVE and (theirs or (self.shared and effect != "continue")):
+        # A partner that sees the target waits for nobody to be sure of a fault.
+        ill = effect != "continue" or any(map(self.expected_state.value, ("antenna.fault", "drive.problem")))
+        if entry.state == PassState.ACTIVE and (theirs or (self.shared and ill)):
             entry.state = PassState.STANDBY
-        elif entry.state == PassState.STANDBY and not theirs and effect == "continue":
+        elif entry.state == PassState.STANDBY and not theirs and not ill:
             entry.state = PassState.ACTIVE
         else:
             return

@@ -6,27 +6,33 @@ no partner can have: the one that had it stops transmitting at the silence, befo
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 from rf_pointing.operations.night import Night
 from rf_pointing.operations.schedule import IN_WORK, OPEN, Entry, PassState
 
 CONTACT_S = 2.5
 """Longest silence of a partner with which the pass in work is still transmitted in."""
+UNKEYED_S = 0.5
+"""Time in which the radio of a partner has followed a status that it may no longer send."""
 
 
 @dataclass(frozen=True, slots=True)
 class Partner:
     """States of a partner's passes by id, whether it has a `night`, and when it was received.
 
+    Without its schedule, `states` None, it may have any pass.
     `held` is the pass that this antenna had at that time; one that has `ended` takes nothing over.
+    `sends` is the pass in which it may transmit, and `free_s` since when it may in none.
     """
 
-    states: Mapping[str, str] = field(default_factory=dict)
+    states: Mapping[str, str] | None = None
     night: bool = False
     seen_s: float = -math.inf
     held: str = ""
     ended: bool = False
+    sends: str = ""
+    free_s: float = math.inf
 
 
 class Partners:
@@ -41,8 +47,11 @@ class Partners:
         """Note fields of a partner that were received in the night of this antenna."""
         active = mine.schedule.active
         held = active.item.id if active and active.state == PassState.ACTIVE else ""
+        partner = self._known[name]
         fresh = {"seen_s": wall_s, "held": held, "ended": False}
-        self._known[name] = replace(self._known[name], **fresh | known)  # type: ignore[arg-type]
+        if "sends" in known:
+            fresh["free_s"] = math.inf if known["sends"] else min(partner.free_s, wall_s)
+        self._known[name] = replace(partner, **fresh | known)  # type: ignore[arg-type]
 
     def _alive(self, partner: Partner, wall_s: float) -> bool:
         return not partner.ended and wall_s - partner.seen_s <= self._silent_s
@@ -72,7 +81,7 @@ class Partners:
         return {
             each
             for name, partner in self._known.items()
-            for each, state in partner.states.items()
+            for each, state in (partner.states or {}).items()
             if each in entries and self._has(name, state, entries[each], t_s, self._alive(partner, wall_s))
         }
 
@@ -96,8 +105,14 @@ class Partners:
         return f"{name} has pass {entry.item.id}, or may have taken it over" if name else ""
 
     def _may_have(self, partner: Partner, entry: Entry, wall_s: float) -> bool:
+        if partner.ended or partner.states is None:
+            return not partner.ended
         state, silence_s = partner.states.get(entry.item.id), wall_s - partner.seen_s
-        if partner.ended or (state not in (*OPEN, *IN_WORK) and math.isfinite(silence_s)):
+        # After a cut its status arrives before its schedule, and its radio follows its status.
+        sends = partner.sends == entry.item.id or wall_s - partner.free_s < UNKEYED_S
+        if silence_s <= CONTACT_S and sends:
+            return True
+        if state not in (*OPEN, *IN_WORK):
             return False
         known = partner.held == entry.item.id
         if silence_s <= CONTACT_S:

@@ -12,6 +12,7 @@ from collections import deque
 from dataclasses import dataclass
 from pathlib import Path
 
+from rf_pointing.core.signals import STANDBY
 from rf_pointing.core.types import TURN
 from rf_pointing.core.whole_file import parse_json, read_whole, write_whole
 
@@ -25,8 +26,15 @@ TOLERANCE_RAD = math.radians(10.0)
 WRITE_RAD = math.radians(0.5)
 
 
+SUCCEEDS_S = 0.35
+"""Silence after which one of the two follows the other, before the last command has ended."""
+
+
 class Authority:
-    """One commander at a time: the first one, until it has been silent for `silence_s`."""
+    """One commander at a time: the first one, until it has been silent for `silence_s`.
+
+    The other one of a pair may follow after `SUCCEEDS_S`.
+    """
 
     def __init__(self, silence_s: float) -> None:
         self._silence_s = silence_s
@@ -36,7 +44,9 @@ class Authority:
     def conflict(self, name: str, t_s: float) -> str:
         """Return "" if `name` may command at `t_s`, else who holds the authority."""
         # A silent commander loses the authority: a controller that died must not lock the antenna.
-        if name != self.holder and t_s - self._newest_s <= self._silence_s:
+        paired = name.removesuffix(STANDBY) == self.holder.removesuffix(STANDBY) != ""
+        silence_s = min(self._silence_s, SUCCEEDS_S) if paired else self._silence_s
+        if name != self.holder and t_s - self._newest_s <= silence_s:
             return f"conflict: {self.holder or 'an unnamed commander'} commands, {name or 'an unnamed one'} is refused"
         return ""
 

@@ -145,7 +145,8 @@ class CommandKey:
 
     def health(self, publishers: Iterable[Any]) -> Health:
         """Return the foreign commands as an error, a second publisher of commands as a warning."""
-        names = sorted(f"{each.node_namespace.rstrip('/')}/{each.node_name}" for each in publishers)
+        # One that stands by has the same name.
+        names = sorted({f"{each.node_namespace.rstrip('/')}/{each.node_name}" for each in publishers})
         values = {"publishers": ", ".join(names), "foreign_commands": self.foreign, "signed": self.signed}
         if self.foreign and time.monotonic() - self._last_s < SHOWN_S:
             return Health(ERROR, self._last, values)
@@ -171,7 +172,8 @@ class CommandKey:
     def _claim_signature(self, message: Any, topic: str, name: str) -> str:
         stamp = message.header.stamp
         head = struct.pack("<4sqI", b"says", stamp.sec, stamp.nanosec)
-        words = [topic, name, message.process, getattr(message, "state", "")]
+        words = [topic, name, message.process]
+        words += [getattr(message, each, "") for each in ("state", "pass_id", "partner_inhibit")]
         for each in getattr(message, "passes", ()):
             words += [each.id, each.state, f"{each.aos.sec}.{each.aos.nanosec}", f"{each.los.sec}.{each.los.nanosec}"]
         return self._digest([head, *map(_counted, words)])

@@ -10,6 +10,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
+from rf_pointing.core.signals import STANDBY
 from rf_pointing.ros.qos import STREAM
 from rf_pointing.station.pointing.status import Report
 
@@ -96,7 +97,7 @@ class Diagnostics:
         """Run the checks and publish them now."""
         array = DiagnosticArray()
         array.header.stamp = self._node.get_clock().now().to_msg()
-        full_name = self._node.get_fully_qualified_name()
+        full_name = self._node.get_fully_qualified_name() + STANDBY * getattr(self._node, "quiet", False)
         for name, check in self._checks.items():
             try:
                 health = check()

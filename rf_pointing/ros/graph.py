@@ -169,7 +169,7 @@ def _topics() -> tuple[Topic, ...]:
     every = "every node"
     executive = (
         Topic(SCHEDULE, ours.Schedule, LATCHED, "latched", EXECUTIVE, "passes of the antenna and what becomes of them"),
-        Topic(EXECUTIVE_STATUS, ours.ExecutiveStatus, STATUS, "1 Hz", EXECUTIVE, "what it does, and the alarms"),
+        Topic(EXECUTIVE_STATUS, ours.ExecutiveStatus, STATUS, "1 to 2.5 Hz", EXECUTIVE, "what it does, and the alarms"),
         # Without an executive, of station_alarms.
         Topic(
             ALARM_TOPIC, DiagnosticArray, STATUS, "as they come", EXECUTIVE, "messages of alarms, what to do", frame=""

@@ -43,7 +43,7 @@ def _actions(context: Any, file: LaunchFile) -> list[Any]:
 def _action(process: Process) -> Node:
     """Return the action that starts one process."""
     kind = LifecycleNode if process.package == PACKAGE else Node
-    named = {"name": process.name}
+    named = {"name": process.nodes[0]}
     # Names and parameters of several nodes are in a file.
     if len(process.nodes) > 1:
         kind, named = Node, {}
@@ -65,7 +65,7 @@ def _action(process: Process) -> Node:
 
 def _values(process: Process, given: Any) -> Any:
     if len(process.nodes) == 1:
-        return dict(given[process.name])
+        return dict(given[process.nodes[0]])
     sections = {f"/**/{name}": {"ros__parameters": own} for name, own in given.items()}
     with tempfile.NamedTemporaryFile("w", prefix="rf_pointing-", suffix=".yaml", delete=False) as file:
         yaml.safe_dump(sections, file)

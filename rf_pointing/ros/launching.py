@@ -16,6 +16,7 @@ import yaml
 from ament_index_python.packages import PackageNotFoundError, get_package_prefix, get_package_share_directory
 
 from rf_pointing.core import Sensor
+from rf_pointing.core.signals import STANDBY
 from rf_pointing.ros.graph import (
     ALARMS,
     ARRAY_NODES,
@@ -34,8 +35,10 @@ from rf_pointing.station.antenna.memory import move_state, state_files, state_fo
 from rf_pointing.station.description import StationDescription, read_station
 from rf_pointing.station.description.reading import nearest
 from rf_pointing.station.description.urdf import urdf
+from rf_pointing.station.pointing.succession import FIRST, SECOND
 
 PACKAGE = "rf_pointing"
+CONTROLLER, ROLE = "pointing_controller", "lifecycle.standby"
 NOTHING = "none"
 """Word for an empty value, which `ros2 launch` does not take."""
 SEVERAL = "station_process"
@@ -97,8 +100,8 @@ class Process:
 
     @property
     def name(self) -> str:
-        """Name of the process: that of its first node, below its namespace."""
-        return self.nodes[0]
+        """Name of the process: that of its first node, below its namespace, of two its own."""
+        return self.nodes[0] + (STANDBY if self.values(self.nodes[0]).get(ROLE) == SECOND else "")
 
     def values(self, node: str) -> dict[str, Any]:
         """Return the parameters of a node, but for those of files."""
@@ -112,7 +115,7 @@ class Process:
         program = Path(get_package_prefix(self.package)) / "lib" / self.package / self.executable
         space = f"/{self.namespace.strip('/')}"
         words = [str(program), *self.arguments, "--ros-args", "-r", f"__ns:={space}"]
-        words += [] if self.executable == SEVERAL else ["-r", f"__node:={self.name}"]
+        words += [] if self.executable == SEVERAL else ["-r", f"__node:={self.nodes[0]}"]
         for number, each in enumerate(self.parameters):
             path = each
             if not isinstance(each, str):
@@ -188,6 +191,10 @@ def station_arguments(*, simulated: bool) -> tuple[Argument, ...]:
         Argument("alarms", "whether station_alarms starts", "true", bool),
         Argument("description", "whether viewers get URDF, tf and markers of the station", "true", bool),
         Argument("rotctld", "whether rotctld_server is started", "false", bool),
+        Argument(
+            "standby", "a second pointing_controller that takes over: here, elsewhere (on another computer), only "
+            "(this is that computer)", NOTHING, choices=(NOTHING, "here", "elsewhere", "only"),
+        ),
         Argument("radio", "whether radio_control is started", "false", bool),
         Argument("page", "whether operator_page is started", "false", bool),
         Argument("respawn", "start nodes again that have ended", "true", bool),
@@ -261,21 +268,27 @@ def _station_processes(
         shown = [Process(name, space, (name,), ({name: own},), remappings, environment, respawn, package=name)]
     # Last: what a user writes is in force.
     files = (values["params_file"],) if values["params_file"] else ()
-    found = []
-    for room in partition(names, values["processes"]):
+
+    def process(room: tuple[str, ...], **more: str) -> Process:
         alone = len(room) == 1
-        found.append(Process(
+        return Process(
             executable=room[0] if alone else SEVERAL,
             namespace=space,
             nodes=room,
-            parameters=({name: given[name] for name in room}, *files),
+            parameters=({name: given[name] | more for name in room}, *files),
             remappings=remappings,
             environment=environment,
             respawn=respawn,
             arguments=() if alone else room if respawn else (*room, "--no-restart"),
             ros_arguments=enclave(space, room[0]) if alone else (),
-        ))  # fmt: skip
-    return found + shown
+        )
+
+    second = [process((CONTROLLER,), **{ROLE: SECOND})] if values["standby"] in ("here", "only") else []
+    if values["standby"] == "only":
+        return second
+    if values["standby"]:
+        given[CONTROLLER][ROLE] = FIRST
+    return [*map(process, partition(names, values["processes"])), *second, *shown]
 
 
 def full_namespace(pushed: str, namespace: str) -> str:

@@ -41,6 +41,9 @@ class LifecycleParams(Params):
     autostart: bool = parameter(False, "whether the node configures and activates itself, now and after a restart")
     realtime_priority: int = parameter(0, "SCHED_FIFO priority of the process, 0: as it was started", low=0, high=98)
 
+    # The word that tells a node from another one of its name on this computer.
+    place = ""
+
 
 class Schedule:
     """The times at which periodic work is due: the whole multiples of `period_s` after `start_s`.
@@ -112,11 +115,14 @@ class Lifecycle(LifecycleNode):
 
     def __init__(self, name: str) -> None:
         super().__init__(name)
-        self.lock = InstanceLock(self.get_fully_qualified_name())
         self.parameters = ParameterGroups(self)
         self.parameters.declare("lifecycle", self.LIFECYCLE)
-        self.brings_itself_up: bool = self.parameters.value("lifecycle").autostart
-        if refused := take_priority(self.parameters.value("lifecycle").realtime_priority):
+        own: LifecycleParams = self.parameters.value("lifecycle")
+        self.lock = InstanceLock(f"{self.get_fully_qualified_name()}{own.place}")
+        self.quiet, self.others_goal = False, True
+        """Whether another node of this name works in place of this one; whether it has a goal."""
+        self.brings_itself_up: bool = own.autostart
+        if refused := take_priority(own.realtime_priority):
             self.get_logger().warning(refused)
         self._wait_s, self._next_try_s = FIRST_WAIT_S, -math.inf
         self._events, self._wait = EventLog(), Wait()

@@ -226,7 +226,7 @@ class ManagedNode(Lifecycle):
         cancel: Callable[[], object],
         result: Callable[[], Any],
         lost: str = "",
-    ) -> None:
+    ) -> ActionServer:
         """Offer an action as long as the node lives, one goal at a time.
 
         `accepts(request)` says whether a goal is taken, and `begin(goal)` begins it.  Whoever ends
@@ -256,6 +256,7 @@ class ManagedNode(Lifecycle):
             from rf_pointing.ros.lost_goals import LostGoals
 
             clients = LostGoals(self, server, action_type, name, lost)
+        return server
 
     def _outputs_health(self) -> Health:
         """Look after the latched topics, and return how many had to be offered anew."""

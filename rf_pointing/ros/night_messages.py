@@ -119,7 +119,8 @@ def hear_partner(node: ManagedNode, watch: NightWatch, key: CommandKey, name: st
             raise ValueError(f"it is {age_s:.1f} s old, must be <= {CALL_S:.0f} s")
         ended = message.state == NightState.ENDED
         runs = not ended and message.state != NightState.IDLE
-        watch.others.take(name, time.monotonic(), watch.night, night=runs, ended=ended)
+        sends = "" if message.partner_inhibit else message.pass_id
+        watch.others.take(name, time.monotonic(), watch.night, night=runs, ended=ended, sends=sends)
 
     node.listen(ours.Schedule, f"/{name}/{SCHEDULE}", on_schedule, LATCHED)
     node.listen(ours.ExecutiveStatus, f"/{name}/{EXECUTIVE_STATUS}", on_status, STATUS)
@@ -191,7 +192,7 @@ def executive_status_to_message(watch: NightWatch, t_s: float, *, ended: bool = 
     entry, following = night.schedule.active, night.schedule.next()
     message = ours.ExecutiveStatus(
         state=str(NightState.ENDED if ended else night.state_name), shares=bool(watch.partners),
-        partner_inhibit=watch.others.inhibit(night, time.monotonic()),
+        partner_inhibit=watch.inhibit(time.monotonic()),
         pass_id=night.active_id, target=entry.item.name if entry else "",
         blocks=[
             ours.ProcedureBlock(name=name, state=str(run.state), reason=run.reason) for name, run in night.blocks()

@@ -88,7 +88,9 @@ class ServiceDoor:
             # What is left when the node has closed the service is answered by nobody.
             if service in self.services:
                 answer = service.callback(request, service.srv_type.Response())
-                self._answers.append((service, answer, header, time.monotonic() + WORTH_S))
+                # Two nodes of one name both obey, and the one that works answers.
+                if not getattr(self._node, "quiet", False):
+                    self._answers.append((service, answer, header, time.monotonic() + WORTH_S))
         self._wake.trigger()
         if self._calls:
             self._call_node()

@@ -19,7 +19,7 @@ from rf_pointing.core.signals import BASE
 from rf_pointing.ros.command_key import CommandKey, CommandKeyParams, digest_of
 from rf_pointing.ros.graph import COMMANDS, SIGNATURES
 from rf_pointing.ros.qos import COMMAND, STREAM
-from rf_pointing.ros.stamps import seconds_from_stamp
+from rf_pointing.ros.stamps import seconds_from_stamp, stamp_from_seconds
 from rf_pointing.ros.streams import frame_in
 
 WAITS_S = 1.0
@@ -59,7 +59,7 @@ class CommandSender:
     ) -> None:
         create = create or node.create_publisher
         self.name, self.sent = node.get_fully_qualified_name(), 0
-        self._key = CommandKey(params, node.resolve_topic_name(COMMANDS))
+        self.key = CommandKey(params, node.resolve_topic_name(COMMANDS))
         self._frame_id = frame_in(node.get_namespace(), BASE)
         self._signatures = create(CommandSignature, SIGNATURES, STREAM)
         self._commands = create(JointTrajectory, COMMANDS, COMMAND)
@@ -71,8 +71,12 @@ class CommandSender:
         payload = serialize_message(command)[: cdr_bytes(command)]
         self.sent += 1
         stamp = command.header.stamp
-        self._signatures.publish(self._key.sign(payload, stamp, self.sent, self.name))
+        self._signatures.publish(self.key.sign(payload, stamp, self.sent, self.name))
         self._commands.publish(payload)
+
+    def claim(self, t_s: float) -> None:
+        """Say who has the antenna at a time without a command."""
+        self._signatures.publish(self.key.sign(b"", stamp_from_seconds(t_s), self.sent, self.name))
 
 
 class CommandPairs:

@@ -79,17 +79,18 @@ class StationNode(ManagedNode):
             self._in_use = [self.publisher(StationInUse, STATION_IN_USE, IN_USE)]
             if self.LEADS_BAND:
                 self._in_use.append(self.publisher(StationInUse, BAND_IN_USE, LATCHED))
-            else:
+            if not self.LEADS_BAND or self.quiet:
                 self.listen(StationInUse, BAND_IN_USE, self._on_band, LATCHED)
-            self._announce()
+            self.announce()
         return result
 
-    def _announce(self) -> StationInUse:
+    def announce(self) -> StationInUse:
+        """Publish the description and band that this node runs on; return the message."""
         assert self.station is not None
         name, station = self.get_fully_qualified_name(), self.station
         message = StationInUse(node=name, station=station.name, band=self.band, digest=station.digest)
         message.header.stamp = self.get_clock().now().to_msg()
-        for publisher in self._in_use:
+        for publisher in () if self.quiet else self._in_use:
             publisher.publish(message)
         return message
 
@@ -107,7 +108,7 @@ class StationNode(ManagedNode):
         from rf_pointing.ros.band_change import change_band
 
         change_band(self, band)
-        return self._announce()
+        return self.announce()
 
     def follow_band(self) -> None:
         """Take the band of the pointing controller, if it is another one."""

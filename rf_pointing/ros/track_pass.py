@@ -7,6 +7,7 @@ for a target that reports lead to.
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -26,11 +27,15 @@ from rf_pointing.ros.qos import IN_USE, LATCHED, STREAM
 from rf_pointing.ros.repeated_call import RepeatedCall
 from rf_pointing.ros.signed_commands import CommandSender
 from rf_pointing.ros.stamps import stamp_from_seconds
+from rf_pointing.ros.standby import HeldGoals, Standby
 from rf_pointing.ros.station_node import StationInUse, StationNode
 from rf_pointing.ros.station_watches import StationCensus
 from rf_pointing.station.clients.goals import PassGoal, PassGoals
 from rf_pointing.station.parameters import CommandKeyParams
 from rf_pointing.station.pointing.status import TrackingStatus
+
+SERVED: Any = (TrackPass, "track_pass", goal_from_message), (Scan, "scan", goal_of_scan)
+"""Type and name of each action, and what reads its goals."""
 
 
 class PassCall(RepeatedCall):
@@ -51,18 +56,26 @@ class TrackPassServer:
         self._node = node
         self._goals: Any = None
         self._handle: Any = None
+        self._standby: Standby | None = None
+        self._followed: Any = None
+        """The request of the pass of the other controller, while this one follows it."""
+        self._role: str = node.parameters.value("lifecycle").standby
+        # One of two is silent until it knows that the other one does not work.
+        node.quiet = bool(self._role)
         self._finders = {
             designated: node.create_client(SelectTarget, f"{owner}/select_target")
             for designated, owner in ((False, "ephemeris_publisher"), (True, DESIGNATE))
         }
         self._kind: Any = TrackPass
-        served = (TrackPass, "track_pass", goal_from_message), (Scan, "scan", goal_of_scan)
-        for kind, name, read in served:
+        servers = [
             node.serve_goals(
                 kind, name, accepts=self._accepts, begin=partial(self._begin, kind, read),
                 cancel=lambda: self._goals.cancel(), result=self._result,
                 lost="pointing_controller was killed in the pass; send the goal again",
-            )  # fmt: skip
+            )
+            for kind, name, read in SERVED
+        ]  # fmt: skip
+        self._held = [HeldGoals(node, server) for server in servers] if self._role else []
 
     def configure(self, goals: PassGoals, key: CommandKeyParams) -> None:
         """Serve these goals, and sign their commands."""
@@ -75,16 +88,52 @@ class TrackPassServer:
         self._joints = node.listen_latest(JointState, "joint_states", joints, STREAM, steady=True, required=True)
         self._census, self._message = StationCensus(), ours.TrackingStatus()
         node.listen(StationInUse, STATION_IN_USE, self._census.note, IN_USE)
+        self._standby = self._one_of_two() if self._role else None
 
-    def _accepts(self, _request: TrackPass.Goal) -> bool:
+    def turn(self) -> None:
+        """Look whether to take over from the other controller, if there is one."""
+        if self._standby is not None:
+            self._standby.step()
+
+    def _one_of_two(self) -> Standby:
+        node = self._node
+        for (kind, name, read), held in zip(SERVED, self._held, strict=True):
+            held.listen(kind, name, partial(self._follow, kind, read))
+        stop = partial(self._goals.stop, "the other controller has ended the pass")
+        busy = lambda: self._goals.busy  # noqa: E731
+        standby = Standby(node, self._role, self._commands.key, busy, self._take_over, stop)
+        self._commands.name = standby.name
+        return standby
+
+    def _follow(self, kind: Any, read: Callable[[Any], PassGoal], request: Any, window: ours.Pass) -> None:
+        """Begin the pass of the other controller, in silence."""
         if self._node.active and not self._goals.busy:
+            self._handle, self._kind, self._followed = None, kind, request
+            goal = replace(read(request), window=convert_planning.pass_from_message(window))
+            self._goals.begin(goal, self._node.now_s(), time.perf_counter())
+
+    def _take_over(self) -> None:
+        """Publish what lasts, and serve the client of the pass in hand."""
+        self._node.announce()
+        self._status.publish(self._message)
+        if (certificate := self._goals.controller.plan.certificate) is not None:
+            self.show(certificate)
+        for each in self._held:
+            each.serve()
+
+    def _accepts(self, request: TrackPass.Goal) -> bool:
+        serves = self._node.active and not self._node.quiet
+        if serves and (not self._goals.busy or request is self._followed):
             return True
-        why = "another pass is tracked" if self._node.active else "not active"
+        why = "another pass is tracked" if serves else "not active"
         self._node.log_once("goal refused", why, error=True)
         return False
 
     def _begin(self, kind: Any, read: Callable[[Any], PassGoal], handle: Any) -> None:
         self._handle, self._kind = handle, kind
+        if self._goals.busy:
+            # The pass goes on that was followed.
+            return
         try:
             goal = read(handle.request)
         except ValueError as error:
@@ -133,16 +182,23 @@ class TrackPassServer:
         ))  # fmt: skip
 
     def publish(self, t_s: float, trajectory: Trajectory | None, status: TrackingStatus) -> None:
+        self._message = convert.tracking_status_to_message(status)
+        if self._node.quiet:
+            return
         if trajectory is not None:
             self._commands.send(convert.trajectory_to_message(trajectory, t_s, self._axes))
-        self._message = convert.tracking_status_to_message(status)
+        elif self._standby is not None:
+            self._commands.claim(t_s)
         self._message.commands_sent = self._commands.sent
         self._status.publish(self._message)
 
     def show(self, certificate: Certificate) -> None:
-        self._certificates.publish(convert_planning.certificate_to_message(certificate))
+        if not self._node.quiet:
+            self._certificates.publish(convert_planning.certificate_to_message(certificate))
 
     def feed_back(self, progress: float) -> None:
+        if self._handle is None or self._node.quiet:
+            return
         feedback = self._kind.Feedback(status=self._message, progress=progress, target_pass=self._window())
         self._handle.publish_feedback(feedback)
 
@@ -155,4 +211,7 @@ class TrackPassServer:
         self._node.get_logger().error(words)
 
     def end_goal(self) -> None:
-        self._handle.execute()
+        self._followed = None
+        # The one that works answers the client.
+        if self._handle is not None and not self._node.quiet:
+            self._handle.execute()

@@ -218,3 +218,94 @@ def test_cleanup_leaves_nothing_in_the_graph(station: Station) -> None:
     assert station.bench.step("deactivate")
     assert station.bench.step("cleanup")
     assert [len(list(getattr(node, kind))) for kind in kinds] == before
+
+
+@pytest.fixture
+def second(make_bench: Callable[..., Any], sky: Any, tmp_path: Any) -> Station:
+    """The second of two controllers, and a while in which the first one claims the antenna."""
+    given = {"namespace": "/gs1", "command_key_file": str(tmp_path / "key"), "lifecycle.standby": "second"}
+    station = Station(make_bench, sky, **given).up()
+    station.key = CommandKey(CommandKeyParams(command_key_file=str(tmp_path / "key")), "/gs1/joint_trajectory")
+    return station
+
+
+def run_with_claims(station: Station, key: CommandKey, seconds: float, *, old_s: float = 0.0) -> None:
+    for number in range(round(10.0 * seconds)):
+        stamp = stamp_from_seconds(station.bench.t_s - old_s)
+        station.bench.give("command_signature", key.sign(b"", stamp, number, "/gs1/pointing_controller"))
+        station.bench.give("antenna_status", ours.AntennaStatus(mode="holding"))
+        station.run(1)
+
+
+def sent_by(station: Station) -> set[str]:
+    """Return the topics of its work: parameters and diagnostics are those of any node."""
+    return {topic for topic, messages in station.bench.sent.items() if messages and not topic.startswith("/")}
+
+
+def test_one_that_stands_by_sends_nothing_until_the_other_falls_silent(second: Station) -> None:
+    run_with_claims(second, second.key, 12.0)
+    assert sent_by(second) == set()
+    assert second.bench.health("standby").message == "stands by"
+    names = {each.hardware_id for each in second.bench.sent["/diagnostics"][-1].status}
+    assert names == {"/gs1/pointing_controller_standby"}
+    assert second.goal(target_pass=second.pass_message) is None
+    second.bench.give("antenna_status", ours.AntennaStatus(mode="holding"))
+    second.run(22)
+    assert second.bench.health("standby").message == "stands by"
+    second.bench.give("antenna_status", ours.AntennaStatus(mode="holding"))
+    second.run(2)
+    assert second.bench.health("standby").message == "works"
+    assert sent_by(second) >= {"tracking_status", "station_in_use", "band_in_use", "command_signature"}
+    assert second.bench.sent["command_signature"][-1].commander == "/gs1/pointing_controller_standby"
+    goal = second.goal(target_pass=second.pass_message)
+    second.run(5)
+    assert len(second.bench.sent["joint_trajectory"]) > 0
+    assert goal.end == ""
+
+
+def test_one_whom_the_antenna_does_not_obey_is_silent_and_leaves_the_client_to_the_other(second: Station) -> None:
+    for _ in range(90):
+        second.bench.give("antenna_status", ours.AntennaStatus(mode="holding"))
+        second.run(1)
+    goal = second.goal(target_pass=second.pass_message)
+    second.run(5)
+    for accepted in (1, 2):
+        status = ours.AntennaStatus(commander="/gs1/pointing_controller", commands_accepted=accepted)
+        second.bench.give("antenna_status", status)
+    second.run(1)
+    sent = {topic: len(second.bench.sent[topic]) for topic in sent_by(second)}
+    second.run(3)
+    assert second.bench.health("standby").message == "stands by in a pass"
+    second.bench.give("tracking_status", ours.TrackingStatus(target=""))
+    second.run(3)
+    assert second.bench.health("standby").message == "stands by"
+    assert {topic: len(second.bench.sent[topic]) for topic in sent} == sent
+    assert goal.end == ""
+
+
+@pytest.mark.parametrize("wrong", ["key", "age", "number"])
+def test_claims_of_a_stranger_old_ones_and_those_sent_again_are_refused(
+    second: Station, tmp_path: Any, wrong: str
+) -> None:
+    other = CommandKey(CommandKeyParams(command_key_file=str(tmp_path / "other")), "/gs1/joint_trajectory")
+    if wrong == "number":
+        claim = second.key.sign(b"", stamp_from_seconds(second.bench.t_s), 1, "/gs1/pointing_controller")
+        for _ in range(90):
+            second.bench.give("command_signature", claim)
+            second.bench.give("antenna_status", ours.AntennaStatus(mode="holding"))
+            second.run(1)
+    else:
+        run_with_claims(second, other if wrong == "key" else second.key, 9.0, old_s=2.0 if wrong == "age" else 0.0)
+    assert second.bench.health("standby").message == "works"
+    refused = second.bench.health("inputs").values["refused command_signature"]
+    assert refused == ("89" if wrong == "number" else "90")
+
+
+def test_one_on_another_description_never_takes_over(second: Station) -> None:
+    second.bench.give("station_in_use", ours.StationInUse(node="/gs1/pointing_controller", station="other", digest="1"))
+    for _ in range(100):
+        second.bench.give("antenna_status", ours.AntennaStatus(mode="holding"))
+        second.run(1)
+    health = second.bench.health("standby")
+    assert (health.level, "runs on another description: other" in health.message) == (LEVELS["ERROR"], True)
+    assert sent_by(second) == set()

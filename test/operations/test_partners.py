@@ -53,15 +53,20 @@ class TwoAntennas(RuleBasedStateMachine):
     @initialize()
     def begin(self) -> None:
         self.both, self.now_s, self.linked, self.quiet_s = [Partner(name) for name in NAMES], 0.0, True, 0.0
+        self.linked_s, self.cut = 0.0, False
         self.run(1010.0)
 
     def run(self, seconds: float) -> None:
         for _ in range(round(seconds)):
             self.now_s += STEP_S
+            self.linked_s = self.linked_s + STEP_S if self.linked else 0.0
             for me, other in (self.both, self.both[::-1]):
                 if self.linked and me.died_s is None and other.died_s is None:
                     rows = {each.item.id: str(each.state) for each in me.night.schedule.in_order}
-                    other.partners.take(me.name, self.now_s, other.night, states=rows, night=not me.night.finished)
+                    status = {"night": not me.night.finished, "sends": me.has if me.transmitted else ""}
+                    # After a cut the status arrives first.
+                    known = status if 0.0 < self.linked_s < 3.0 and self.cut else status | {"states": rows}
+                    other.partners.take(me.name, self.now_s, other.night, **known)
             for each in self.both:
                 each.step(self.now_s)
             transmit = [each.name for each in self.both if each.transmitted]
@@ -75,6 +80,7 @@ class TwoAntennas(RuleBasedStateMachine):
 
     @rule(linked=st.booleans(), seconds=st.sampled_from([1.0, 2.0, 6.0, 30.0]))
     def the_link_is_cut_or_heals(self, linked: bool, seconds: float) -> None:
+        self.cut |= not linked
         self.linked = linked
         self.run(seconds)
 

@@ -112,6 +112,21 @@ def test_a_station_with_a_drive_starts_the_control_unit_on_it_with_a_priority(tm
     assert those_with(launched("simulated_station"), "lifecycle.realtime_priority") == set()
 
 
+@pytest.mark.parametrize(("word", "roles"), [("none", [None]), ("here", ["first", "second"]), ("elsewhere", ["first"])])
+def test_of_two_controllers_each_knows_which_it_is(tmp_path: Path, word: str, roles: list[str | None]) -> None:
+    for processes in ("2", "8"):
+        file = launch_file("single_antenna")
+        given = {"station": with_drive(tmp_path), "processes": processes, "standby": word, "network": "environment"}
+        found = file.processes(file.values(given))
+        controllers = [each for each in found if "pointing_controller" in each.nodes]
+        assert [each.values("pointing_controller").get("lifecycle.standby") for each in controllers] == roles
+        assert len({each.name for each in found}) == len(found)
+        # The other computer starts what this one would, with the key that is copied there.
+        alone = file.processes(file.values(given | {"standby": "only"}))
+        assert [each.values("pointing_controller")["lifecycle.standby"] for each in alone] == ["second"]
+        assert alone[0] in file.processes(file.values(given | {"standby": "here"}))
+
+
 @pytest.mark.parametrize(
     ("sensors", "receiver", "trackers"),
     [

@@ -29,6 +29,9 @@ from rf_pointing.station.parameters import controller_params
 from rf_pointing.station.pointing.status import Level, Report
 from rf_pointing.tracking.sensors import SENSOR_CHOICES, sensors_of
 
+STATUS_S, SHARED_STATUS_S = 1.0, 0.4
+"""Time between two statuses, usually and in a pass that is shared."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class ExecutiveParams(Params):
@@ -96,6 +99,7 @@ class NightWatch:
         self._steered_by = ""
         self._unrefined: list[tuple[str, str]] = []
         self._shown: Any = None
+        self._status_wall_s, self._inhibit = 0.0, ""
 
     @property
     def partners(self) -> list[str]:
@@ -238,6 +242,19 @@ class NightWatch:
         band = (entry.item.band if entry else "") or self.night.band
         notes = {**self._notes, "band": band}
         return self.folder.record(name, self._thresholds.disk_free_gb, notes)
+
+    def inhibit(self, wall_s: float) -> str:
+        """Return "" or why the antenna must not transmit in the pass in work: a partner may."""
+        return self.others.inhibit(self.night, wall_s)
+
+    def status_due(self, wall_s: float) -> bool:
+        """Return whether to publish the status: partners and transmitter wait for it in a pass."""
+        period_s = SHARED_STATUS_S if self.partners and self.night.schedule.active else STATUS_S
+        inhibit = self.inhibit(wall_s)
+        due = wall_s - self._status_wall_s >= period_s or inhibit != self._inhibit
+        if due:
+            self._status_wall_s, self._inhibit = wall_s, inhibit
+        return due
 
     # Requests
 
