@@ -292,7 +292,9 @@ def vendor(table: Table, folder: Path, _given: argparse.Namespace) -> None:
         run("check_station with the pasted block", executable("check_station"), str(station))
         # Overhead as seen from 3 deg farther east: at its rates the mount cannot follow through the zenith.
         site = read_station(station).site
-        elements = over.write_elements(folder, replace(site, longitude_rad=site.longitude_rad + 0.05), time.time() + 400.0)
+        elements = over.write_elements(
+            folder, replace(site, longitude_rad=site.longitude_rad + 0.05), time.time() + 400.0
+        )
         words = [executable("track"), "--station", str(station), "--elements", str(elements), "--satellite", "OVERHEAD"]
         run("`track` of one pass", *words, "--sensor", "program", "--output", str(folder / "flight"), patience_s=900.0)
     finally:

@@ -31,7 +31,7 @@ from rf_pointing.station.derive.watches import takes_rates
 # Largest share of the motion of held-out sequences that a model may miss.
 MOST_ERROR = 0.1
 LEAST_SENSITIVE, SLOWER = 1.2, 0.85
-"""Smallest peak of |S| to tune for, and the step to it where the model does not carry a faster loop."""
+"""Smallest peak of |S| to tune for, and the step to it where no faster loop is described."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -52,7 +52,7 @@ PLAY = tuple(Variation(gear=share) for share in (0.05, 0.1, 0.2, 0.5))
 HIGH_SHARE, HIGH_GAIN = 0.2, 0.5
 # Largest |dG C S| of a model that is believed, from this frequency on, of so many lines.
 MOST_MISSED, LOWEST_HZ, COHERENT = 0.25, 0.05, 50
-# Where an experiment of minutes in wind tells a lag: a slow pole of the wind turns lower frequencies.
+# Where an experiment of minutes tells a lag: slow poles of the wind turn lower frequencies.
 MEASURED = (0.006, 0.008, 0.01, 0.012, 0.015)
 SLOW = 0.05
 # Largest turn of 1 + L between two frequencies: with more, the grid has jumped over a pole.
