@@ -28,8 +28,7 @@ def lines_of(modules: set[str]) -> int:
 
 
 @pytest.mark.parametrize(
-    "module",
-    ["nodes.monopulse_tracker", "nodes.conscan_tracker", "nodes.simulation_clock", "commands.fetch_elements"],
+    "module", ["nodes.monopulse_tracker", "nodes.conscan_tracker", "nodes.simulation_clock", "commands.fetch_elements"]
 )
 def test_a_small_program_stands_on_little_of_the_package(module: str) -> None:
     if module.startswith("nodes"):

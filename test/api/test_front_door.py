@@ -80,10 +80,7 @@ def test_examples_need_nothing_else() -> None:
         allowed = {
             "own_drive.py": {"rf_pointing.drives"},
             # A node of another stack that commands the antenna signs as ours do.
-            "follow_joint_trajectory.py": {
-                "rf_pointing.ros.signed_commands",
-                "rf_pointing.station.parameters",
-            },
+            "follow_joint_trajectory.py": {"rf_pointing.ros.signed_commands", "rf_pointing.station.parameters"},
             "own_receiver.py": {"rf_pointing.receiver"},
             "own_tracker.py": {
                 "rf_pointing.core",

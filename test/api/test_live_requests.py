@@ -381,11 +381,5 @@ def test_a_real_antenna_is_calibrated_on_real_satellites_within_a_day_from_now(
     given = CalibrateRequest(station=real, target=Target(location="sky.tle"))
     given.schedule()
     ((_, sky, start_s, campaign, kept),) = seen
-    assert (sky, start_s, campaign.longest_s, kept, given.ephemeris_error_s) == (
-        ["sky"],
-        1.9e9,
-        86400.0,
-        None,
-        None,
-    )
+    assert (sky, start_s, campaign.longest_s, kept, given.ephemeris_error_s) == (["sky"], 1.9e9, 86400.0, None, None)
     assert utc_text(start_s).startswith("2030")

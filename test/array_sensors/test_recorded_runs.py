@@ -117,14 +117,7 @@ def directions(params: DoaEstimatorParams, response: ArrayResponse | None = None
         for each in DoaEstimator(array, params, response=response).estimate(block):
             bias = np.zeros(6) if each.bias_rad is None else each.bias_rad
             found.append(
-                flat(
-                    each.direction,
-                    1e4 * each.covariance_rad2,
-                    each.snr_db,
-                    each.valid,
-                    summed(each.reason),
-                    bias,
-                )
+                flat(each.direction, 1e4 * each.covariance_rad2, each.snr_db, each.valid, summed(each.reason), bias)
             )
     return flat(*found)
 

@@ -1,12 +1,7 @@
 import numpy as np
 import pytest
 
-from rf_pointing.calibration.normal_equations import (
-    NormalEquations,
-    eliminate,
-    equations_of,
-    pass_equations,
-)
+from rf_pointing.calibration.normal_equations import NormalEquations, eliminate, equations_of, pass_equations
 
 NAMES = ("azimuth_offset", "collimation", "droop")
 ALL = np.arange(3)

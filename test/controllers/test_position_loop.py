@@ -7,13 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rf_pointing.controllers import (
-    PositionLoop,
-    PositionLoopParams,
-    dss13_loops,
-    dss13_lqg_loops,
-    load_lqg_designs,
-)
+from rf_pointing.controllers import PositionLoop, PositionLoopParams, dss13_loops, dss13_lqg_loops, load_lqg_designs
 from rf_pointing.controllers.filters import Section, SectionParams
 
 PLAIN = PositionLoopParams(notch_enabled=False)

@@ -1,12 +1,6 @@
 import pytest
 
-from rf_pointing.core.dates import (
-    from_utc_text,
-    parse_utc,
-    require_day_of_year,
-    to_utc_text,
-    utc_text,
-)
+from rf_pointing.core.dates import from_utc_text, parse_utc, require_day_of_year, to_utc_text, utc_text
 
 
 def test_text_and_seconds_are_inverses_to_the_microsecond():

@@ -8,13 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rf_pointing.core import unit_vector_from_azel
-from rf_pointing.core.kinematics import (
-    CHAINS,
-    LEVEL,
-    Kinematics,
-    motion_of_vectors,
-    vectors_of_motion,
-)
+from rf_pointing.core.kinematics import CHAINS, LEVEL, Kinematics, motion_of_vectors, vectors_of_motion
 from rf_pointing.core.mount_types import LOWER_AXES, MOUNTS
 
 DEG = math.pi / 180.0
@@ -99,11 +93,7 @@ def test_every_direction_closes_also_with_the_dish_over_its_back(
 
 
 @given(
-    mount=MOUNTED,
-    nearness=NEARNESS,
-    around=HALF_TURN,
-    side=st.sampled_from([-1.0, 1.0]),
-    rate=st.floats(-0.02, 0.02),
+    mount=MOUNTED, nearness=NEARNESS, around=HALF_TURN, side=st.sampled_from([-1.0, 1.0]), rate=st.floats(-0.02, 0.02)
 )
 def test_motions_close_with_rates_and_accelerations_near_every_pole(
     mount: Kinematics, nearness: float, around: float, side: float, rate: float
@@ -159,10 +149,7 @@ def test_keyholes_are_the_ends_of_the_pole_above_the_horizon() -> None:
         assert all(abs(elevation) < CLOSURE for _, elevation in found)
     for latitude, bearing in ((52.0, 0), (-35.0, 180)):
         ((azimuth, elevation),) = Kinematics(type="ha_dec", latitude_rad=latitude * DEG).keyholes_rad()
-        assert (round(azimuth / DEG) % 360, elevation / DEG) == (
-            bearing,
-            pytest.approx(abs(latitude)),
-        )
+        assert (round(azimuth / DEG) % 360, elevation / DEG) == (bearing, pytest.approx(abs(latitude)))
 
 
 def test_a_tilt_axis_leans_away_from_a_pass_or_towards_it() -> None:

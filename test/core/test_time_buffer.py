@@ -39,10 +39,7 @@ def test_an_instant_known_on_one_side_only_is_not_answered() -> None:
     assert beam.offset(1.1) is None
 
 
-@given(
-    st.lists(st.tuples(st.integers(-4, 6), st.floats(-9.0, 9.0)), min_size=1, max_size=12),
-    st.floats(-0.2, 1.2),
-)
+@given(st.lists(st.tuples(st.integers(-4, 6), st.floats(-9.0, 9.0)), min_size=1, max_size=12), st.floats(-0.2, 1.2))
 def test_a_buffer_is_linear_over_what_it_keeps(rows: list[tuple[int, float]], share: float) -> None:
     """It keeps two seconds; a step back in time forgets what was known, and nothing is known outside."""
     buffer, kept, t_s = TimeBuffer(), list[tuple[float, float]](), 0.0

@@ -6,14 +6,7 @@ import numpy as np
 import pytest
 
 from rf_pointing.core import Motion
-from rf_pointing.drives import (
-    DriveParams,
-    DriveReading,
-    LinkParams,
-    Rotator,
-    RotatorParams,
-    SimulatedRotator,
-)
+from rf_pointing.drives import DriveParams, DriveReading, LinkParams, Rotator, RotatorParams, SimulatedRotator
 from rf_pointing.drives.drive import POSITION, Capabilities, Drive
 from rf_pointing.drives.rotator import MoveCounts
 

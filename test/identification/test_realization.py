@@ -64,9 +64,7 @@ def test_hankel_singular_values_show_the_order(planted: StateSpace) -> None:
     assert np.count_nonzero(hankel > 1e-6 * hankel[1]) == 5
 
 
-def test_noise_leaves_the_frequencies_within_a_fifth_of_a_percent(
-    sequences: tuple[np.ndarray, np.ndarray],
-) -> None:
+def test_noise_leaves_the_frequencies_within_a_fifth_of_a_percent(sequences: tuple[np.ndarray, np.ndarray]) -> None:
     inputs, outputs = sequences
     noisy = outputs + 2e-3 * np.random.default_rng(2).standard_normal(outputs.shape)
     found = modes_of(realize(system_markov(observer_markov(inputs, noisy, 80), 600), 5, SAMPLE_S).model)

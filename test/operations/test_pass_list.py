@@ -7,14 +7,7 @@ import re
 import pytest
 
 from rf_pointing.operations import pass_list
-from rf_pointing.operations.pass_list import (
-    read_passes,
-    row_of,
-    to_calendar,
-    to_csv,
-    to_json,
-    to_simple_schedule,
-)
+from rf_pointing.operations.pass_list import read_passes, row_of, to_calendar, to_csv, to_json, to_simple_schedule
 from rf_pointing.operations.schedule import ScheduledPass
 
 AOS_S, LOS_S = 1_767_229_200.25, 1_767_229_900.75

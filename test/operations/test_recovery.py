@@ -97,8 +97,7 @@ def test_a_cause_that_cannot_be_watched_is_refused(row: str, message: str) -> No
 
 
 @pytest.mark.parametrize(
-    "text",
-    ["[1]", "version: 1\nactions: {}\ncauses: {}\nmore: {}", "version: 2\nactions: {}\ncauses: {}"],
+    "text", ["[1]", "version: 1\nactions: {}\ncauses: {}\nmore: {}", "version: 2\nactions: {}\ncauses: {}"]
 )
 def test_a_file_that_is_no_table_is_refused(text: str) -> None:
     with pytest.raises(ValueError, match="must have version: 1, actions and causes"):

@@ -3,10 +3,7 @@ import pytest
 
 from rf_pointing.array_sensors.interferometer.frames import direction_from_angles, roll_rotation
 from rf_pointing.array_sensors.interferometer.system import ArrayParams
-from rf_pointing.papers.interferometer_accuracy import (
-    direction_variance,
-    direction_variance_from_gradients,
-)
+from rf_pointing.papers.interferometer_accuracy import direction_variance, direction_variance_from_gradients
 
 ARRAYS = ArrayParams()
 SAME = np.eye(3)

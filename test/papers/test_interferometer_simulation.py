@@ -8,12 +8,7 @@ from rf_pointing.array_sensors.interferometer.radio import LinkParams, RadioPara
 from rf_pointing.array_sensors.interferometer.relative_pose import RelativePose
 from rf_pointing.array_sensors.interferometer.sequence import SequenceParams
 from rf_pointing.array_sensors.interferometer.system import ArrayParams, CarrierPlan
-from rf_pointing.papers.interferometer_simulation import (
-    LISTING,
-    TrialErrors,
-    require_gaussian_regime,
-    run_trials,
-)
+from rf_pointing.papers.interferometer_simulation import LISTING, TrialErrors, require_gaussian_regime, run_trials
 
 PLAN, LINK, ARRAYS = CarrierPlan(speed_of_light_m_s=3.0e8), LinkParams(), ArrayParams()
 

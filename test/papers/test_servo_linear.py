@@ -9,14 +9,7 @@ from numpy.typing import NDArray
 
 from rf_pointing.controllers import PositionLoopParams
 from rf_pointing.papers import servo_linear
-from rf_pointing.papers.servo_linear import (
-    COMMAND,
-    DEVIATION,
-    WIND,
-    ClosedLoop,
-    closed_loop,
-    stability_limit_hz,
-)
+from rf_pointing.papers.servo_linear import COMMAND, DEVIATION, WIND, ClosedLoop, closed_loop, stability_limit_hz
 from rf_pointing.servo import dss13_plant
 from rf_pointing.servo.linear_model import linear_model
 
@@ -55,11 +48,7 @@ def by_hand(frequency_hz: float, bandwidth_hz: tuple[float, float]) -> dict[str,
     towards = np.zeros((2, 8))
     towards[:, COMMAND] = towards[:, DEVIATION] = np.eye(2)
     shown = beam @ command + beam_wind @ wind
-    return {
-        "encoder": encoder @ command + encoder_wind @ wind,
-        "beam": shown,
-        "offset": radio / s @ (towards - shown),
-    }
+    return {"encoder": encoder @ command + encoder_wind @ wind, "beam": shown, "offset": radio / s @ (towards - shown)}
 
 
 @pytest.mark.parametrize("bandwidth_hz", [(0.03, 0.05), (0.0, 0.2)])

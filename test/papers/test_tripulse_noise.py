@@ -4,18 +4,9 @@ import numpy as np
 import pytest
 
 from rf_pointing.array_sensors.tripulse.array import TripulseArrayParams, element_weights
-from rf_pointing.array_sensors.tripulse.beams import (
-    beam_signals,
-    invert_ratios,
-    monopulse_ratios,
-)
+from rf_pointing.array_sensors.tripulse.beams import beam_signals, invert_ratios, monopulse_ratios
 from rf_pointing.core import random_stream
-from rf_pointing.papers.tripulse_noise import (
-    failed_element_errors,
-    noise_errors,
-    phase_error_errors,
-    random_failures,
-)
+from rf_pointing.papers.tripulse_noise import failed_element_errors, noise_errors, phase_error_errors, random_failures
 from rf_pointing.papers.tripulse_theory import projection_variance
 
 PARAMS = TripulseArrayParams()

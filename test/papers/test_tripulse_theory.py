@@ -4,11 +4,7 @@ import numpy as np
 import pytest
 
 from rf_pointing.array_sensors.tripulse.array import TripulseArrayParams
-from rf_pointing.array_sensors.tripulse.beams import (
-    closed_form_signals,
-    invert_ratios,
-    monopulse_ratios,
-)
+from rf_pointing.array_sensors.tripulse.beams import closed_form_signals, invert_ratios, monopulse_ratios
 from rf_pointing.core import random_stream
 from rf_pointing.papers.tripulse_theory import (
     LOWEST_SUM_SNR,

@@ -9,14 +9,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from rf_pointing.planning.crossing import (
-    MARGIN_S,
-    ON_TARGET_RAD,
-    AxisMotionLimits,
-    Crossing,
-    CrossingLoss,
-    cross,
-)
+from rf_pointing.planning.crossing import MARGIN_S, ON_TARGET_RAD, AxisMotionLimits, Crossing, CrossingLoss, cross
 from rf_pointing.planning.forbidden_sky import angle_between
 
 Array = np.ndarray

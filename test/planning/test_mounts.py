@@ -36,10 +36,7 @@ HILLS = HorizonMask(
     elevation_rad=tuple(x * DEG for x in (2.0, 4.0, 25.0, 5.0, 3.0, 2.0, 18.0, 2.0, 6.0)),
 )
 WIDE = AxisLimits(
-    azimuth_min_rad=-6.5,
-    azimuth_max_rad=6.5,
-    elevation_min_rad=-89.9 * DEG,
-    elevation_max_rad=89.9 * DEG,
+    azimuth_min_rad=-6.5, azimuth_max_rad=6.5, elevation_min_rad=-89.9 * DEG, elevation_max_rad=89.9 * DEG
 )
 MACHINE = MachineParams(
     rate_limit_rad_s=(3.0 * DEG,) * 2, acceleration_limit_rad_s2=(3.0 * DEG,) * 2,
@@ -169,10 +166,7 @@ def test_what_is_free_by_the_path_is_free_everywhere_on_it(random: np.random.Gen
         sky = ForbiddenSky(HILLS, 3.0 * DEG, mount)
         ends: list[tuple[float, float]] = []
         while len(ends) < 2:
-            azimuth, elevation = (
-                random.uniform(0.0, math.tau),
-                random.uniform(2.0 * DEG, 40.0 * DEG),
-            )
+            azimuth, elevation = (random.uniform(0.0, math.tau), random.uniform(2.0 * DEG, 40.0 * DEG))
             if elevation > HILLS.lowest_rad(azimuth) + 1.0 * DEG:
                 ends.append(mount.axes_at(azimuth, elevation))
         start, goal = ((math.remainder(first, math.tau), second) for first, second in ends)
@@ -181,10 +175,7 @@ def test_what_is_free_by_the_path_is_free_everywhere_on_it(random: np.random.Gen
         if not decision.allowed:
             continue
         detours, straight = detours + bool(decision.way), straight + (not decision.way)
-        here, begun = (
-            start,
-            min(3.0 * DEG, sky.sun_distance(*start, sun), sky.sun_distance(*goal, sun)),
-        )
+        here, begun = (start, min(3.0 * DEG, sky.sun_distance(*start, sun), sky.sun_distance(*goal, sun)))
         for corner in decision.way or [goal]:
             times, positions, _ = slew_path(Moving(1.0, here), corner, axes)
             fine = np.linspace(0.0, times[-1], 20_000)
@@ -215,7 +206,4 @@ def test_a_slew_through_the_zenith_is_straight_for_x_and_y() -> None:
     gate = Gate(GateParams(), WIDE, HILLS, axes, X_Y)
     start, goal = X_Y.axes_at(0.0, 20.0 * DEG), X_Y.axes_at(math.pi, 20.0 * DEG)
     needed_s, barred = gate.slew(start, (math.remainder(goal[0], math.tau), goal[1]))
-    assert (needed_s, barred) == (
-        pytest.approx(slew_time_s(140.0 * DEG, *(each[0] for each in axes))),
-        "",
-    )
+    assert (needed_s, barred) == (pytest.approx(slew_time_s(140.0 * DEG, *(each[0] for each in axes))), "")

@@ -217,8 +217,7 @@ def test_after_a_leg_the_axes_rest_at_the_corner() -> None:
 
 
 @pytest.mark.parametrize(
-    ("target_deg", "kept_deg"),
-    [(30.0, 5.1), (5.12001, 5.1), (5.06, 5.04), (5.01, 5.0), (3.0, 5.0)],
+    ("target_deg", "kept_deg"), [(30.0, 5.1), (5.12001, 5.1), (5.06, 5.04), (5.01, 5.0), (3.0, 5.0)]
 )
 def test_axes_after_a_target_keep_a_tenth_of_a_degree_more_from_the_sun_but_not_more_than_it(
     target_deg: float, kept_deg: float

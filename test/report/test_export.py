@@ -12,14 +12,7 @@ import numpy as np
 import pytest
 
 from rf_pointing.report.definitions import Definitions
-from rf_pointing.report.export import (
-    SUFFIXES,
-    ColumnMeaning,
-    export_recording,
-    exported_topics,
-    meanings,
-    topic_table,
-)
+from rf_pointing.report.export import SUFFIXES, ColumnMeaning, export_recording, exported_topics, meanings, topic_table
 from rf_pointing.report.recording import Recording, read_recording
 from rf_pointing.report.topics import TOPICS
 

@@ -135,10 +135,7 @@ def test_every_outcome_has_its_words_and_its_last_request(
 
 @pytest.mark.parametrize(
     ("at_s", "outcome"),
-    [
-        (0.5, CalibrationOutcome(why=("it was interrupted", "campaign done"))),
-        (2.6, CalibrationOutcome("new", MADE)),
-    ],
+    [(0.5, CalibrationOutcome(why=("it was interrupted", "campaign done"))), (2.6, CalibrationOutcome("new", MADE))],
 )
 def test_the_user_ends_campaign_or_shadow(
     calibrator: FakeStation, make: Callable[..., CalibrationRun], at_s: float, outcome: CalibrationOutcome

@@ -10,14 +10,7 @@ import pytest
 from rf_pointing_msgs import msg as ours
 from sensor_msgs.msg import JointState, Temperature
 
-from rf_pointing.core import (
-    CarrierPower,
-    JointReading,
-    JointTrajectory,
-    MonopulseCluster,
-    SkyUncertainty,
-    Target,
-)
+from rf_pointing.core import CarrierPower, JointReading, JointTrajectory, MonopulseCluster, SkyUncertainty, Target
 from rf_pointing.core.mount_types import MOUNTS
 from rf_pointing.ros import convert
 

@@ -167,9 +167,7 @@ def test_a_node_brings_itself_up_once_when_it_is_ready(make_bench: Callable[...,
     assert bench.health("state").message == "unconfigured"
 
 
-def test_a_node_tries_again_until_it_is_active_and_says_once_what_it_waits_for(
-    make_bench: Callable[..., Any],
-) -> None:
+def test_a_node_tries_again_until_it_is_active_and_says_once_what_it_waits_for(make_bench: Callable[..., Any]) -> None:
     """Whatever raises is waited for; the waits double from 1 s to 8 s."""
     bench = make_bench(Subject, **{"lifecycle.autostart": True})
     bench.node.refusal, tried_s = KeyError("axis"), [bench.t_s]

@@ -16,8 +16,7 @@ def test_a_time_that_came_from_a_stamp_goes_back_to_the_same_stamp(random: np.ra
 
 
 @pytest.mark.parametrize(
-    ("t_s", "sec", "nanosec"),
-    [(0.0, 0, 0), (1.9999999, 2, 0), (1_151_384_323.813083, 1_151_384_323, 813_083_000)],
+    ("t_s", "sec", "nanosec"), [(0.0, 0, 0), (1.9999999, 2, 0), (1_151_384_323.813083, 1_151_384_323, 813_083_000)]
 )
 def test_seconds_are_rounded_to_a_microsecond(t_s: float, sec: int, nanosec: int) -> None:
     assert stamp_from_seconds(t_s) == Time(sec=sec, nanosec=nanosec)

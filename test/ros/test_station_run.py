@@ -13,13 +13,7 @@ from std_srvs.srv import Trigger
 
 from rf_pointing.ros.graph import DRIVE_NODES, NODES, TOPICS, topics_of
 from rf_pointing.ros.managed_graph import NotStartedError
-from rf_pointing.ros.station_run import (
-    GraphRun,
-    InterruptedRunError,
-    RunSetup,
-    StationRun,
-    run_to_end,
-)
+from rf_pointing.ros.station_run import GraphRun, InterruptedRunError, RunSetup, StationRun, run_to_end
 from test.ros.fake_station import BEGIN_S, FakeStation, fake
 
 __all__ = ["fake"]

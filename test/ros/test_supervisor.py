@@ -77,9 +77,7 @@ def test_what_ends_is_started_again_later_each_time_and_soon_after_a_good_while(
     assert state(tmp_path, MOVES)["starts"] == 9
 
 
-def test_without_respawn_it_ends_with_the_last_process_and_with_what_that_says(
-    make: Callable[..., Supervisor],
-) -> None:
+def test_without_respawn_it_ends_with_the_last_process_and_with_what_that_says(make: Callable[..., Supervisor]) -> None:
     assert make(respawn=False, antenna_servo="exit 0").run([]) == 0
     assert make(respawn=False, antenna_servo="exit 0", operator_page="exit 4").run([]) == 1
 

@@ -127,9 +127,7 @@ def test_a_setup_takes_the_station_then_files_then_changes_and_its_model(tmp_pat
         StationSetup("dss13", files=[file])
 
 
-def test_a_setup_has_the_model_of_its_station_unless_another_or_none_is_given(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_setup_has_the_model_of_its_station_unless_another_or_none_is_given(monkeypatch: pytest.MonkeyPatch) -> None:
     own = StationSetup("dss13", "X")
     assert own.model != BiasModel.zero()
     file = own.station.bias_model_file("X")

@@ -9,12 +9,7 @@ import numpy as np
 import pytest
 
 from rf_pointing.core import MDEG, MU, CarrierPower, PointingError, random_stream
-from rf_pointing.tracking.beam_fit import (
-    PowerWindow,
-    beam_design,
-    fit_beam,
-    rank_reason,
-)
+from rf_pointing.tracking.beam_fit import PowerWindow, beam_design, fit_beam, rank_reason
 from rf_pointing.tracking.conscan import ConscanTracker
 from rf_pointing.tracking.conscan_estimate import ConscanParams
 

@@ -31,12 +31,7 @@ from rf_pointing.array_sensors.attitude.quaternion import (
     quaternion_to_matrix,
     rotation_angle_between_rad,
 )
-from rf_pointing.array_sensors.attitude.rigid_body import (
-    KnownTorque,
-    SatelliteParams,
-    propagate,
-    rigid_inertia,
-)
+from rf_pointing.array_sensors.attitude.rigid_body import KnownTorque, SatelliteParams, propagate, rigid_inertia
 from rf_pointing.array_sensors.attitude.rotations import cosine_slopes, cross_matrix, tangent_rows
 from rf_pointing.array_sensors.doa.simulated_satellite import NadirHoldParams, SimulatedSatellite
 from rf_pointing.papers.doa_study.future_work import nees, nees_band

@@ -3,11 +3,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from rf_pointing.array_sensors.attitude.quaternion import quaternion_from_matrix, quaternion_to_rotation_vector
-from rf_pointing.array_sensors.attitude.wahba import (
-    attitude_covariance,
-    fit_rotation,
-    separation_rad,
-)
+from rf_pointing.array_sensors.attitude.wahba import attitude_covariance, fit_rotation, separation_rad
 from rf_pointing.core import random_stream
 
 ROUNDING = 1e-13

@@ -9,10 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rf_pointing.array_sensors.attitude.ground_stations import (
-    GroundStation,
-    stations_along_track,
-)
+from rf_pointing.array_sensors.attitude.ground_stations import GroundStation, stations_along_track
 from rf_pointing.array_sensors.attitude.multiplicative_filter import GateParams, ProcessNoiseParams
 from rf_pointing.array_sensors.attitude.orbits import SunSynchronousOrbitParams
 from rf_pointing.array_sensors.attitude.quaternion import (

@@ -5,12 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rf_pointing.array_sensors.attitude.multiplicative_filter import (
-    GateParams,
-    ProcessNoiseParams,
-    start_state,
-    update,
-)
+from rf_pointing.array_sensors.attitude.multiplicative_filter import GateParams, ProcessNoiseParams, start_state, update
 from rf_pointing.array_sensors.attitude.quaternion import (
     quaternion_from_rotation_vector,
     quaternion_to_matrix,

@@ -23,13 +23,7 @@ from rf_pointing.array_sensors.attitude.quaternion import (
     rotation_angle_between_rad,
 )
 from rf_pointing.array_sensors.attitude.rigid_body import KnownTorque, SatelliteParams, propagate, rigid_inertia
-from rf_pointing.array_sensors.doa.attitude_start import (
-    StartParams,
-    aligned_start,
-    best_of_bank,
-    remaining,
-    start_bank,
-)
+from rf_pointing.array_sensors.doa.attitude_start import StartParams, aligned_start, best_of_bank, remaining, start_bank
 
 GATE, START = GateParams(), StartParams()
 SIGMA = 0.005

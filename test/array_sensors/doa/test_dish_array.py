@@ -19,13 +19,7 @@ from rf_pointing.array_sensors.doa.dish_array import (
 from rf_pointing.core import Mode, PointingError, Sensor, random_stream, sky_offset_rad, unit_vector_from_azel
 from rf_pointing.ephemeris import first_pass_above
 from rf_pointing.ephemeris.source import SourceParams, load_elements
-from rf_pointing.rf.dish_array import (
-    PERIOD_S,
-    SNAPSHOTS,
-    DishArrayParams,
-    direction_sigmas_rad,
-    least_level_db_hz,
-)
+from rf_pointing.rf.dish_array import PERIOD_S, SNAPSHOTS, DishArrayParams, direction_sigmas_rad, least_level_db_hz
 from rf_pointing.simulation import PassLog, StationSetup, simulate_pass
 from rf_pointing.station.antenna.receiver import Reception
 
@@ -152,9 +146,7 @@ def flown() -> tuple[StationSetup, PassLog, list[PointingError]]:
     return setup, simulate_pass(setup, window, window.aos_t_s - 5.0, "array"), errors
 
 
-def test_a_dish_tracks_a_pass_by_its_array_alone(
-    flown: tuple[StationSetup, PassLog, list[PointingError]],
-) -> None:
+def test_a_dish_tracks_a_pass_by_its_array_alone(flown: tuple[StationSetup, PassLog, list[PointingError]]) -> None:
     setup, log, errors = flown
     assert set(log.mode) <= {Mode.IDLE, Mode.SLEW, Mode.PROGRAM_TRACK, Mode.ARRAY, Mode.COAST}
     late = np.array(log.t_s) > log.t_s[0] + 30.0

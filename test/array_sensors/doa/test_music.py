@@ -6,11 +6,7 @@ import pytest
 from rf_pointing.array_sensors.doa import music
 from rf_pointing.array_sensors.doa.array import CircularArrayParams, steering
 from rf_pointing.array_sensors.doa.cramer_rao import polar_sigma_rad
-from rf_pointing.array_sensors.doa.music import (
-    estimate_directions,
-    lattice,
-    refine_peaks,
-)
+from rf_pointing.array_sensors.doa.music import estimate_directions, lattice, refine_peaks
 from rf_pointing.array_sensors.doa.snapshots import complex_normal, draw_covariances
 from rf_pointing.papers.doa_study.directions import direction_from_polar, polar_errors_rad
 

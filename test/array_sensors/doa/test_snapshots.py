@@ -6,11 +6,7 @@ import pytest
 from rf_pointing.array_sensors.doa.array import CircularArrayParams, steering
 from rf_pointing.array_sensors.doa.covariance import sample_covariance
 from rf_pointing.array_sensors.doa.music import estimate_directions
-from rf_pointing.array_sensors.doa.snapshots import (
-    complex_normal,
-    draw_covariances,
-    draw_snapshots,
-)
+from rf_pointing.array_sensors.doa.snapshots import complex_normal, draw_covariances, draw_snapshots
 from rf_pointing.papers.doa_study.directions import direction_from_polar
 
 ARRAY = CircularArrayParams()

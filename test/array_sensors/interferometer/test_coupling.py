@@ -8,11 +8,7 @@ from rf_pointing.array_sensors.interferometer.coupling import (
     roll_from_polarisation,
     tracking_frame_dipole,
 )
-from rf_pointing.array_sensors.interferometer.frames import (
-    attitude_from_euler,
-    direction_from_angles,
-    forward_angles,
-)
+from rf_pointing.array_sensors.interferometer.frames import attitude_from_euler, direction_from_angles, forward_angles
 from rf_pointing.array_sensors.interferometer.relative_pose import (
     attitude_from_two_way,
     reverse_direction,

@@ -16,11 +16,7 @@ from rf_pointing.array_sensors.interferometer.docking import (
     rep103_pose,
     true_pose,
 )
-from rf_pointing.array_sensors.interferometer.frames import (
-    attitude_from_euler,
-    frame_rotation,
-    rep103_from_spacecraft,
-)
+from rf_pointing.array_sensors.interferometer.frames import attitude_from_euler, frame_rotation, rep103_from_spacecraft
 from rf_pointing.array_sensors.interferometer.motion import DockingApproach, RelativeMotion, moved
 from rf_pointing.array_sensors.interferometer.radio import LinkParams, RadioParams
 from rf_pointing.array_sensors.interferometer.system import InterferometerSystem

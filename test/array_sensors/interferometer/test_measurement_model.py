@@ -20,11 +20,7 @@ from rf_pointing.array_sensors.interferometer.motion import RelativeMotion
 from rf_pointing.array_sensors.interferometer.radio import LinkParams, RadioParams
 from rf_pointing.array_sensors.interferometer.reading import ErrorFloor, PathMotion, read_ranges
 from rf_pointing.array_sensors.interferometer.source import InterferometerSource
-from rf_pointing.array_sensors.interferometer.system import (
-    InterferometerSystem,
-    Schedule,
-    two_way_gradients,
-)
+from rf_pointing.array_sensors.interferometer.system import InterferometerSystem, Schedule, two_way_gradients
 
 LOUD = RadioParams(forward_power_w=1e6, return_power_w=1e6, phase_noise_rad=0.0)
 

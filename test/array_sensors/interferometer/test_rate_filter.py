@@ -3,10 +3,7 @@ import pytest
 from scipy.stats import chi2
 
 from rf_pointing.array_sensors.interferometer.frames import attitude_from_euler
-from rf_pointing.array_sensors.interferometer.measurement_model import (
-    TrackedMotion,
-    local_difference,
-)
+from rf_pointing.array_sensors.interferometer.measurement_model import TrackedMotion, local_difference
 from rf_pointing.array_sensors.interferometer.motion import RelativeMotion, moved
 from rf_pointing.array_sensors.interferometer.radio import LinkParams, RadioParams
 from rf_pointing.array_sensors.interferometer.rate_filter import FilterParams, FilterState, predict, start, update
@@ -18,11 +15,7 @@ from rf_pointing.array_sensors.interferometer.system import InterferometerSystem
 from rf_pointing.core import random_stream
 
 NO_FLOOR = ErrorFloor(
-    phase_rad=0.0,
-    phase_rate_rad_s=0.0,
-    amplitude=0.0,
-    path_acceleration_m_s2=0.0,
-    first_path_acceleration_m_s2=0.0,
+    phase_rad=0.0, phase_rate_rad_s=0.0, amplitude=0.0, path_acceleration_m_s2=0.0, first_path_acceleration_m_s2=0.0
 )
 STEADY = FilterParams(
     acceleration_density_m_s2=1e-9,

@@ -38,11 +38,7 @@ from rf_pointing.papers.interferometer_simulation import carrier_phases, sharpen
 PLAN = CarrierPlan(speed_of_light_m_s=3.0e8)
 ARRAYS = ArrayParams()
 NO_FLOOR = ErrorFloor(
-    phase_rad=0.0,
-    phase_rate_rad_s=0.0,
-    amplitude=0.0,
-    path_acceleration_m_s2=0.0,
-    first_path_acceleration_m_s2=0.0,
+    phase_rad=0.0, phase_rate_rad_s=0.0, amplitude=0.0, path_acceleration_m_s2=0.0, first_path_acceleration_m_s2=0.0
 )
 TRIALS = 300
 
@@ -130,8 +126,7 @@ def test_scatter_of_ranges_rates_and_couplings_is_the_stated_covariance(far, ord
     system = InterferometerSystem(schedule=Schedule(order=order))
     source = InterferometerSource(system, RadioParams(), LinkParams(), 5)
     hint = PathMotion(
-        rates_m_s=expected_path_rates_m_s(far, system),
-        accelerations_m_s2=expected_path_accelerations_m_s2(far, system),
+        rates_m_s=expected_path_rates_m_s(far, system), accelerations_m_s2=expected_path_accelerations_m_s2(far, system)
     )
     readings = [read_ranges(source.measure(0.0, far.motion), system, NO_FLOOR, hint) for _ in range(TRIALS)]
     off = np.array([r.vector - expected_reading(far, r, system) for r in readings])

@@ -1,11 +1,7 @@
 import numpy as np
 import pytest
 
-from rf_pointing.array_sensors.interferometer.frames import (
-    direction_from_angles,
-    forward_angles,
-    reverse_angles,
-)
+from rf_pointing.array_sensors.interferometer.frames import direction_from_angles, forward_angles, reverse_angles
 from rf_pointing.array_sensors.interferometer.relative_pose import (
     RelativePose,
     attitude_from_two_way,

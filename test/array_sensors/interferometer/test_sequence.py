@@ -42,8 +42,7 @@ def test_stacks_are_solved_one_by_one(rng) -> None:
 
 
 @pytest.mark.parametrize(
-    ("gradient", "message"),
-    [(np.zeros((3, 1)), "zero or undefined column"), (np.ones((3, 2)), "rank deficient")],
+    ("gradient", "message"), [(np.zeros((3, 1)), "zero or undefined column"), (np.ones((3, 2)), "rank deficient")]
 )
 def test_undetermined_parameters_are_refused(gradient, message: str) -> None:
     with pytest.raises(ValueError, match=message):

@@ -6,19 +6,12 @@ from scipy.stats import chi2
 
 from rf_pointing.array_sensors.interferometer.frames import attitude_from_euler
 from rf_pointing.array_sensors.interferometer.initializer import aperture_excess
-from rf_pointing.array_sensors.interferometer.measurement_model import (
-    TrackedMotion,
-    local_difference,
-)
+from rf_pointing.array_sensors.interferometer.measurement_model import TrackedMotion, local_difference
 from rf_pointing.array_sensors.interferometer.motion import RelativeMotion
 from rf_pointing.array_sensors.interferometer.radio import LinkParams, RadioParams
 from rf_pointing.array_sensors.interferometer.reading import ErrorFloor, read_ranges
 from rf_pointing.array_sensors.interferometer.sequence import SequenceParams
-from rf_pointing.array_sensors.interferometer.snapshot import (
-    chi_square_limit,
-    coarse_geometry,
-    refine,
-)
+from rf_pointing.array_sensors.interferometer.snapshot import chi_square_limit, coarse_geometry, refine
 from rf_pointing.array_sensors.interferometer.source import InterferometerSource
 from rf_pointing.array_sensors.interferometer.system import InterferometerSystem
 

@@ -16,11 +16,7 @@ from rf_pointing.array_sensors.attitude.quaternion import (
     quaternion_from_roll_pitch_yaw,
     quaternion_from_rotation_vector,
 )
-from rf_pointing.array_sensors.report.page import (
-    array_errors,
-    report_array_sensors,
-    write_array_report,
-)
+from rf_pointing.array_sensors.report.page import array_errors, report_array_sensors, write_array_report
 from rf_pointing.array_sensors.report.pictures import draw_attitude, draw_pose
 from rf_pointing.array_sensors.report.series import (
     ArraySeries,

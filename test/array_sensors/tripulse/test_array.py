@@ -1,20 +1,12 @@
 import numpy as np
 import pytest
 
-from rf_pointing.array_sensors.tripulse.array import (
-    TripulseArrayParams,
-    element_weights,
-    quantised_phase_rad,
-)
+from rf_pointing.array_sensors.tripulse.array import TripulseArrayParams, element_weights, quantised_phase_rad
 from rf_pointing.core import random_stream
 
 
 @pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"n_x": 15}, "n_x=15 must be even"),
-        ({"n_y": 3}, "n_y=3 must be even"),
-    ],
+    ("changes", "message"), [({"n_x": 15}, "n_x=15 must be even"), ({"n_y": 3}, "n_y=3 must be even")]
 )
 def test_impossible_arrays_are_refused(changes: dict[str, float], message: str) -> None:
     with pytest.raises(ValueError, match=message):

@@ -68,10 +68,7 @@ def test_engineers_time_convention_gives_the_same_ratios_from_conjugate_signals(
     np.testing.assert_allclose(monopulse_ratios(signals.conj(), "exp(-jwt)"), -ratios)
 
 
-@pytest.mark.parametrize(
-    ("signals", "message"),
-    [([0.0, 1.0, 1.0], "sum signal is 0"), ([1.0, np.nan, 0.0], "finite")],
-)
+@pytest.mark.parametrize(("signals", "message"), [([0.0, 1.0, 1.0], "sum signal is 0"), ([1.0, np.nan, 0.0], "finite")])
 def test_signals_without_a_ratio_are_refused(signals: list[float], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         monopulse_ratios(signals)

@@ -6,15 +6,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from rf_pointing.array_sensors.tripulse.array import TripulseArrayParams
-from rf_pointing.array_sensors.tripulse.receiver import (
-    TripulseMeasurement,
-    TripulseReceiver,
-    TripulseReceiverParams,
-)
-from rf_pointing.array_sensors.tripulse.signal import (
-    TripulseFrame,
-    TripulseSignalParams,
-)
+from rf_pointing.array_sensors.tripulse.receiver import TripulseMeasurement, TripulseReceiver, TripulseReceiverParams
+from rf_pointing.array_sensors.tripulse.signal import TripulseFrame, TripulseSignalParams
 from rf_pointing.array_sensors.tripulse.source import StationLine, TripulseSource, TripulseSourceParams
 from rf_pointing.core import random_stream
 from rf_pointing.papers.tripulse_noise import random_failures

@@ -3,10 +3,7 @@ import pytest
 
 from rf_pointing.array_sensors.tripulse.array import TripulseArrayParams
 from rf_pointing.array_sensors.tripulse.beams import closed_form_signals
-from rf_pointing.array_sensors.tripulse.robust import (
-    posterior_projection_error,
-    signal_matrix,
-)
+from rf_pointing.array_sensors.tripulse.robust import posterior_projection_error, signal_matrix
 from rf_pointing.core import random_stream
 
 PARAMS = TripulseArrayParams()
@@ -94,8 +91,7 @@ def on_a_fine_grid(
 
 
 @pytest.mark.parametrize(
-    ("cycles", "snr_db", "wide"),
-    [(1, 3.0, False), (2, 0.0, False), (6, 0.0, False), (1, -10.0, True), (1, 0.0, True)],
+    ("cycles", "snr_db", "wide"), [(1, 3.0, False), (2, 0.0, False), (6, 0.0, False), (1, -10.0, True), (1, 0.0, True)]
 )
 @pytest.mark.parametrize("share", [[0.3, -0.3], [-0.9, 0.5]])
 def test_posterior_is_that_of_a_fine_grid_for_an_array_and_noises_that_differ_by_axis(

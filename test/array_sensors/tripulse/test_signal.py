@@ -18,11 +18,7 @@ def test_segments_follow_the_pattern_and_their_middles_the_samples() -> None:
 
 @pytest.mark.parametrize(
     ("changes", "message"),
-    [
-        ({"pattern": "Sx"}, "pattern='Sx'"),
-        ({"pattern": "Sxyz"}, "pattern='Sxyz'"),
-        ({"scheme": "one_tone"}, "scheme"),
-    ],
+    [({"pattern": "Sx"}, "pattern='Sx'"), ({"pattern": "Sxyz"}, "pattern='Sxyz'"), ({"scheme": "one_tone"}, "scheme")],
 )
 def test_signals_that_cannot_be_received_are_refused(changes: dict[str, object], message: str) -> None:
     with pytest.raises(ValueError, match=message):

@@ -22,13 +22,7 @@ from rf_pointing.array_sensors.attitude.quaternion import (
 )
 from rf_pointing.array_sensors.attitude.rigid_body import KnownTorque, SatelliteParams, rigid_inertia
 from rf_pointing.array_sensors.attitude.rotations import cross_matrix
-from rf_pointing.papers.doa_study.attitude_runs import (
-    PublishedState,
-    RunTask,
-    published_predict,
-    published_update,
-    run,
-)
+from rf_pointing.papers.doa_study.attitude_runs import PublishedState, RunTask, published_predict, published_update, run
 from rf_pointing.papers.doa_study.directions import DirectionCase
 
 INERTIA = rigid_inertia(SatelliteParams())

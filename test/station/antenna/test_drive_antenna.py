@@ -118,9 +118,7 @@ def test_the_alarm_of_a_controller_is_a_fault(driven) -> None:
 
 @pytest.mark.parametrize("name", ["hamlib", "easycomm 2", "spid rot2"])
 @given(
-    moved_deg=st.tuples(st.floats(-30.0, 30.0), st.floats(-20.0, 20.0)),
-    after_s=st.floats(0.0, 1.0),
-    lost=st.booleans(),
+    moved_deg=st.tuples(st.floats(-30.0, 30.0), st.floats(-20.0, 20.0)), after_s=st.floats(0.0, 1.0), lost=st.booleans()
 )
 @settings(max_examples=12)
 def test_a_device_that_is_elsewhere_is_not_moved_back_whenever_the_fault_is_reset(

@@ -11,16 +11,7 @@ from rf_pointing.servo import WindParams, dss13_plant
 from rf_pointing.station.antenna.loops import LoopParams
 from rf_pointing.station.antenna.mount import MountParams
 from rf_pointing.station.antenna.simulated_antenna import SimulationParams
-from test.station.stepped_antenna import (
-    ENCODER_RAD,
-    SETTLING_S,
-    STANDING,
-    START_S,
-    TICK_S,
-    enabled,
-    hold_at,
-    ramp,
-)
+from test.station.stepped_antenna import ENCODER_RAD, SETTLING_S, STANDING, START_S, TICK_S, enabled, hold_at, ramp
 
 
 def test_a_steady_command_is_followed_within_a_millidegree() -> None:

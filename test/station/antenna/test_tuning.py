@@ -109,10 +109,7 @@ def test_a_model_that_misses_a_mode_is_refused_with_its_frequency() -> None:
     hz = np.arange(0.02, 20.0, 0.01)
     measured = true.response(hz)[:, 0, 0]
     tuned = tuned_axis(identified_axis("elevation", poor), "pi", WIND_M_S)
-    with pytest.raises(
-        ValueError,
-        match=r"elevation: the model of order 2 does not describe the axis at (2\.9|3\.0)",
-    ):
+    with pytest.raises(ValueError, match=r"elevation: the model of order 2 does not describe the axis at (2\.9|3\.0)"):
         require_described(tuned, hz, measured, poor)
     good = tuned_axis(identified_axis("elevation", true), "pi", WIND_M_S)
     require_described(good, hz, measured, true)
@@ -136,10 +133,7 @@ def test_the_servo_refuses_a_law_whose_plant_has_moved() -> None:
     kept = loops.replace(elevation=loops.elevation.replace(peak_sensitivity=1.81))
     AxisLoops(kept, plant, TICK_S)
     # A tenth is what it was tuned for; a quarter is another antenna, though still a stable one.
-    for share, words in (
-        (1.05, ""),
-        (1.25, r"elevation: the plant is not the one .* peak of \d+\.\d+ at 2\.\d+ Hz"),
-    ):
+    for share, words in ((1.05, ""), (1.25, r"elevation: the plant is not the one .* peak of \d+\.\d+ at 2\.\d+ Hz")):
         modes = tuple(share * hz for hz in plant.elevation.mode_frequency_hz)
         moved = plant.replace(elevation=plant.elevation.replace(mode_frequency_hz=modes))
         AxisLoops(loops, moved, TICK_S)
@@ -168,9 +162,7 @@ def flown_mdeg(block: dict[str, object]) -> float:
     return float(np.sqrt(np.mean(np.square(error[500:])))) / MDEG
 
 
-def test_the_block_is_one_of_a_description_and_better_on_the_whole_antenna(
-    tuning: rp.Tuning,
-) -> None:
+def test_the_block_is_one_of_a_description_and_better_on_the_whole_antenna(tuning: rp.Tuning) -> None:
     """Linear gains alone would swing across the play of the stiff mount, by 14 mdeg."""
     block = flat(yaml.safe_load(tuning.block())["tuning"])
     for tuned, before in zip(tuning.axes, tuning.before, strict=True):

@@ -11,11 +11,7 @@ from rf_pointing.calibration import CandidatePass, Observations, SectorRule, rea
 from rf_pointing.core.dates import parse_utc
 from rf_pointing.station.campaign.calibrator import journal_of
 from rf_pointing.station.campaign.plan import beacons
-from rf_pointing.station.campaign.schedule import (
-    CampaignParams,
-    fit_of_kept,
-    schedule_calibration,
-)
+from rf_pointing.station.campaign.schedule import CampaignParams, fit_of_kept, schedule_calibration
 from rf_pointing.station.description import read_station
 
 START_S = parse_utc("2006-06-25T00:00:00")

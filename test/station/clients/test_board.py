@@ -11,12 +11,7 @@ from hypothesis import strategies as st
 
 from rf_pointing.core.dates import utc_text
 from rf_pointing.planning import PassProfile
-from rf_pointing.station.clients.board import (
-    READ,
-    Board,
-    PageParams,
-    path_values,
-)
+from rf_pointing.station.clients.board import READ, Board, PageParams, path_values
 from rf_pointing.station.derive.axes import kinematics_of
 from rf_pointing.station.description import read_station
 

@@ -149,9 +149,7 @@ def test_an_antenna_that_looks_into_the_sun_is_told_and_one_beside_it_is_not(ben
         assert [row[2] for row in bench.run(25)] == told
 
 
-def test_a_permission_is_no_alarm_and_who_is_left_tells_when_the_control_unit_is_silent(
-    bench: Bench,
-) -> None:
+def test_a_permission_is_no_alarm_and_who_is_left_tells_when_the_control_unit_is_silent(bench: Bench) -> None:
     sun = station_alarms.SolarDirection(CONTROLLER.sun).at(T_S + 300.0)
     assert sun is not None
     bench.shown["antenna"] |= {"azimuth": sun[0], "elevation": sun[1], "sun": ""}

@@ -9,14 +9,7 @@ import yaml
 
 from rf_pointing.core import Sensor
 from rf_pointing.ephemeris import Site
-from rf_pointing.station.description import (
-    STATIONS,
-    StationError,
-    owner,
-    read_station,
-    shipped_stations,
-    station_from,
-)
+from rf_pointing.station.description import STATIONS, StationError, owner, read_station, shipped_stations, station_from
 from rf_pointing.station.description.schema import SCHEMA, schema, schema_text
 
 GOOD = """\

@@ -10,12 +10,7 @@ from rf_pointing.calibration import BiasModel
 from rf_pointing.ephemeris import Pass, TopocentricTrack, find_passes, sun
 from rf_pointing.planning import AxisLimits, Certificate, GateParams, HorizonMask, MachineParams
 from rf_pointing.station.antenna.mount import MountParams
-from rf_pointing.station.pointing.certificates import (
-    PlanningRules,
-    certificate_of,
-    pass_profile,
-    planned_certificate,
-)
+from rf_pointing.station.pointing.certificates import PlanningRules, certificate_of, pass_profile, planned_certificate
 
 DEG = math.pi / 180.0
 RULES = PlanningRules(

@@ -12,12 +12,7 @@ from rf_pointing.core import MDEG, Mode, PointingError
 from rf_pointing.ephemeris import Pass
 from rf_pointing.planning import PassProfile
 from rf_pointing.rf import LinkParams
-from rf_pointing.station.pointing.mode import (
-    CROSSING,
-    CarrierWatch,
-    SensedErrors,
-    TrackingMode,
-)
+from rf_pointing.station.pointing.mode import CROSSING, CarrierWatch, SensedErrors, TrackingMode
 from rf_pointing.station.pointing.motion import MotionSnapshot
 from rf_pointing.station.pointing.params import PointingParams
 from rf_pointing.tracking import AutotrackParams, LockWatchParams

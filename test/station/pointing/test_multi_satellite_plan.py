@@ -32,8 +32,7 @@ RULES = PlanningRules(
     lag_averaging_s=0.0,
 )
 HILL = HorizonMask(
-    azimuth_rad=tuple(np.radians([0.0, 150.0, 180.0, 210.0])),
-    elevation_rad=tuple(np.radians([3.0, 3.0, 22.0, 3.0])),
+    azimuth_rad=tuple(np.radians([0.0, 150.0, 180.0, 210.0])), elevation_rad=tuple(np.radians([3.0, 3.0, 22.0, 3.0]))
 )
 
 

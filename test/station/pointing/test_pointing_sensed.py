@@ -49,13 +49,7 @@ def test_a_sensed_error_moves_the_beam_towards_the_target(rig: MakeRig, window: 
     assert early.cross_elevation_error_rad > 1 * MDEG > abs(late.cross_elevation_error_rad)
 
 
-@pytest.mark.parametrize(
-    "useless",
-    [
-        {"valid": False, "reason": "no lock"},
-        {"sensor": "conscan"},
-    ],
-)
+@pytest.mark.parametrize("useless", [{"valid": False, "reason": "no lock"}, {"sensor": "conscan"}])
 def test_errors_that_must_not_be_used_move_nothing(rig: MakeRig, window: Pass, useless: dict[str, Any]) -> None:
     made = acquired(rig, window)
     for _, _, status in made.run(

@@ -10,13 +10,7 @@ from rf_pointing.controllers import TrackerIntegrator, TrackerIntegratorParams
 from rf_pointing.core import MDEG, MU, Mode, Motion, random_stream
 from rf_pointing.planning import AxisRates
 from rf_pointing.station.pointing.params import ControllerParams
-from rf_pointing.station.pointing.scan_patterns import (
-    UNDERWAY_S,
-    ScanPatterns,
-    Scans,
-    loop_offsets_rad,
-    sensor_cost,
-)
+from rf_pointing.station.pointing.scan_patterns import UNDERWAY_S, ScanPatterns, Scans, loop_offsets_rad, sensor_cost
 from rf_pointing.tracking import AutotrackParams, SkyMotion, SpiralParams, SpiralSearch, TrimFilter, TrimParams
 from rf_pointing.tracking.conscan_estimate import ConscanParams
 from rf_pointing.tracking.scan import ScanParams
