@@ -21,11 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from rf_pointing.array_sensors.attitude.ground_stations import (
-    GroundNetworkParams,
-    GroundStation,
-    stations_along_track,
-)
+from rf_pointing.array_sensors.attitude.ground_stations import GroundNetworkParams, GroundStation, stations_along_track
 from rf_pointing.array_sensors.attitude.multiplicative_filter import GateParams, ProcessNoiseParams
 from rf_pointing.array_sensors.attitude.orbits import SunSynchronousOrbitParams
 from rf_pointing.array_sensors.attitude.quaternion import (
@@ -446,9 +442,7 @@ def docking_run(case: DockingCase, seed: int) -> Epochs:
     phase = case.phase_rad if case.known_phase_rad is None else case.known_phase_rad
     floor = ErrorFloor(phase_rad=phase)
     radio = RadioParams(
-        hardware_phase_rad=case.phase_rad,
-        hardware_rate_rad_s=floor.phase_rate_rad_s,
-        hardware_coupling=floor.amplitude,
+        hardware_phase_rad=case.phase_rad, hardware_rate_rad_s=floor.phase_rate_rad_s, hardware_coupling=floor.amplitude
     )
     if case.snr_db is not None:
         wanted = 10.0 ** (0.1 * stream.uniform(*case.snr_db))

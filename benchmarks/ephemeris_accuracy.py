@@ -169,11 +169,7 @@ def main() -> None:
         show(f"skyfield with polar motion, {day}", largest_mdeg(poled, epoch), "it leaves out the pole")
         if leap:
             alike = largest_mdeg(poled, epoch, theirs, later_s=1.0)
-            show(
-                "  and a second less of flight here, after it",
-                alike,
-                "it does not count the leap second as flight",
-            )
+            show("  and a second less of flight here, after it", alike, "it does not count the leap second as flight")
             continue
         alike = largest_mdeg(poled, epoch, theirs)
         show("  and its UT1 here", alike, "its table of UT1 is another, interpolated otherwise")

@@ -157,11 +157,7 @@ def serve(sky: Sky, days: float, resolution_rad: float) -> tuple[Outcome, Servic
 
 def step_track(sky: Sky, days: float, resolution_rad: float) -> Outcome:
     """Peak with a cross of five points every ten minutes, and stay there."""
-    mount, outcome, t_s = (
-        Mount(np.array(sky.at(sky.satellite, sky.start_s)), resolution_rad),
-        Outcome(),
-        sky.start_s,
-    )
+    mount, outcome, t_s = (Mount(np.array(sky.at(sky.satellite, sky.start_s)), resolution_rad), Outcome(), sky.start_s)
     length = CROSS_BEAMS * sky.width_rad
 
     def wait(seconds: float) -> float:

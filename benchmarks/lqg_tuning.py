@@ -23,13 +23,7 @@ from rf_pointing.core import AXES
 from rf_pointing.identification import STRAIGHT, ExcitationParams, StateSpace
 from rf_pointing.identification.identify import identify
 from rf_pointing.papers.servo_identification import record
-from rf_pointing.papers.servo_sampled import (
-    LawResponse,
-    LoopQuality,
-    loop_quality,
-    published_radio,
-    sampled_axis,
-)
+from rf_pointing.papers.servo_sampled import LawResponse, LoopQuality, loop_quality, published_radio, sampled_axis
 from rf_pointing.servo import dss13_plant
 from rf_pointing.station.antenna.axis_response import AxisResponse
 

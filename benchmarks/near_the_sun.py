@@ -144,12 +144,7 @@ def join(station: str, meeting: Meeting, behind_s: float, *, guarded: bool = Tru
 
     antenna.reading, receiver.take = noted, seen  # type: ignore[method-assign]
     setup.antenna, setup.receiver = lambda: antenna, lambda: receiver  # type: ignore[method-assign]
-    log = simulate_pass(
-        setup,
-        dataclasses.replace(window, los_t_s=meeting.nearest_t_s + AFTER_S),
-        begin_s,
-        "program",
-    )
+    log = simulate_pass(setup, dataclasses.replace(window, los_t_s=meeting.nearest_t_s + AFTER_S), begin_s, "program")
     track = TopocentricTrack(sun(), setup.station.site)
     axes, beam = (
         angle_between(rows[:, 1:], _look(track, rows[:, 0])) for rows in (np.array(readings), np.array(looks))

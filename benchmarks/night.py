@@ -80,8 +80,7 @@ def measure(options: argparse.Namespace, station: str) -> bool:
         from rf_pointing.report.night_report import night_of, write_night
 
         write_night(
-            night_of(night.night.state(), setup.station.name, health=night.health()),
-            Path(options.report) / station,
+            night_of(night.night.state(), setup.station.name, health=night.health()), Path(options.report) / station
         )
     return show(options, station, night, len(passes), memory, (wall_s, used_s))
 

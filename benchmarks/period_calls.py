@@ -63,13 +63,7 @@ def main() -> None:
     start_s = math.floor(window.aos_t_s) - LEAD_S
     counter = CallCounter(window.aos_t_s + SETTLED_S, options.periods)
     ends_s = window.aos_t_s + SETTLED_S + 1.0 + 0.1 * options.periods
-    simulate_pass(
-        setup,
-        replace(window, los_t_s=min(ends_s, window.los_t_s)),
-        start_s,
-        Sensor.MONOPULSE,
-        counter.take,
-    )
+    simulate_pass(setup, replace(window, los_t_s=min(ends_s, window.los_t_s)), start_s, Sensor.MONOPULSE, counter.take)
     python, built_in = (counter.calls[event] / options.periods for event in ("call", "c_call"))
     print(f"a period: {python:.0f} calls of Python functions, {built_in:.0f} of built-in ones")
     if options.whole:

@@ -117,10 +117,7 @@ FAULTS: dict[str, dict[str, Fault]] = {
         "half the rate": half_rate,
         "clipped": lambda line: line.run(FAULT_S, gain=300.0),
     },
-    "vita49": {
-        "late": lambda line: line.run(FAULT_S, shift_s=-LATE_S),
-        "retuned": retune,
-    },
+    "vita49": {"late": lambda line: line.run(FAULT_S, shift_s=-LATE_S), "retuned": retune},
 }
 
 

@@ -14,13 +14,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from rf_pointing.controllers import PositionLoopParams
-from rf_pointing.papers.servo_sampled import (
-    LawResponse,
-    LoopQuality,
-    loop_quality,
-    published_radio,
-    sampled_axis,
-)
+from rf_pointing.papers.servo_sampled import LawResponse, LoopQuality, loop_quality, published_radio, sampled_axis
 from rf_pointing.servo import dss13_plant
 from rf_pointing.station.antenna.axis_response import AxisResponse, Variation
 
@@ -29,10 +23,7 @@ VARIATIONS = [Variation()]
 VARIATIONS += [Variation(frequency, 1.3) for frequency in (0.9, 0.93, 0.96, 0.98, 1.0, 1.02, 1.04, 1.07, 1.1)]
 VARIATIONS += [Variation(frequency, 0.7) for frequency in (0.9, 1.0, 1.1)]
 NAMES = ("kp", "ki", "notch_hz", "notch_damping", "zero_hz", "zero_damping", "pole_hz", "pole_damping")
-STARTS = (
-    (6.76, 19.9, 1.433, 0.061, 1.767, 0.494, 3.39, 0.636),
-    (6.50, 7.91, 2.073, 0.086, 2.040, 0.031, 4.00, 0.588),
-)
+STARTS = ((6.76, 19.9, 1.433, 0.061, 1.767, 0.494, 3.39, 0.636), (6.50, 7.91, 2.073, 0.086, 2.040, 0.031, 4.00, 0.588))
 RADIO_HZ = (0.05, 0.1, 0.2, 0.3)
 
 

@@ -15,14 +15,7 @@ import numpy as np
 from scipy.optimize import differential_evolution
 
 from rf_pointing.servo import PlantParams
-from rf_pointing.station.antenna.tuning import (
-    MOST_SENSITIVE,
-    RESERVE,
-    Problem,
-    judged,
-    plant_axis,
-    tuned_axis,
-)
+from rf_pointing.station.antenna.tuning import MOST_SENSITIVE, RESERVE, Problem, judged, plant_axis, tuned_axis
 from rf_pointing.station.derive.plants import MountAxis, plant_of
 
 WIND_M_S, TICK_S = 8.0, 0.02

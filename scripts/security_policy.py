@@ -24,10 +24,7 @@ from typing import Any
 
 import rclpy
 import yaml
-from rclpy.action.graph import (
-    get_action_client_names_and_types_by_node,
-    get_action_server_names_and_types_by_node,
-)
+from rclpy.action.graph import get_action_client_names_and_types_by_node, get_action_server_names_and_types_by_node
 from rclpy.signals import SignalHandlerOptions
 
 from rf_pointing.ros.graph import (

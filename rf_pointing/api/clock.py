@@ -114,10 +114,7 @@ class ClockCheck:
 
 
 def check_clock(
-    bags: Sequence[str | Path],
-    *,
-    station: StationDescription | str | Path | None = None,
-    namespace: str | None = None,
+    bags: Sequence[str | Path], *, station: StationDescription | str | Path | None = None, namespace: str | None = None
 ) -> ClockCheck:
     """Return how far the clock of a station is off, by recorded passes of one or more satellites.
 

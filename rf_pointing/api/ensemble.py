@@ -180,10 +180,7 @@ def ensemble(
     begin_s = max(each.first_t_s for each in targets) if begin_s is None else begin_s
     changes = changes or {}
     setup = StationSetup(station.description, station.band, changes=changes, model=station.model)
-    wind, law = (
-        setup.sets("antenna_servo")["wind"],
-        setup.sets("ephemeris_publisher")["uncertainty"],
-    )
+    wind, law = (setup.sets("antenna_servo")["wind"], setup.sets("ephemeris_publisher")["uncertainty"])
     span, least_rad = (begin_s, span_s(None, days)), math.radians(min_peak_deg)
     passes = [
         _trial(target, window, k, seed, wind.mean_speed_m_s, law)
@@ -297,10 +294,7 @@ def fly(
     known = {f"uncertainty.{name}": 0.0 for name in GROWTHS}
     known |= {f"uncertainty.{name}": size_m for name, size_m in sizes}
     old = {"source.max_age_days": MOST_DAYS}
-    over: dict[str, dict[str, object]] = {
-        "ephemeris_publisher": {**known, **old},
-        "rf_receiver": dict(old),
-    }
+    over: dict[str, dict[str, object]] = {"ephemeris_publisher": {**known, **old}, "rf_receiver": dict(old)}
     for values in (one.draw.changes, changes):
         for node, each in values.items():
             over[node] = over.get(node, {}) | dict(each)

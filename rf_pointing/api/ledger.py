@@ -245,10 +245,7 @@ def _without_estimate(flights: _Flights) -> None:
 
 
 def ledger(
-    bag: str | Path,
-    *,
-    station: StationDescription | str | Path | None = None,
-    namespace: str | None = None,
+    bag: str | Path, *, station: StationDescription | str | Path | None = None, namespace: str | None = None
 ) -> Ledger:
     """Return where the pointing loss of a recorded pass comes from.
 

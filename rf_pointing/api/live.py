@@ -16,13 +16,7 @@ from typing import Any
 import yaml
 from rf_pointing_msgs.action import TrackPass
 
-from rf_pointing.api.requests import (
-    CalibrateRequest,
-    DesignateRequest,
-    IdentifyRequest,
-    RunRequest,
-    TrackRequest,
-)
+from rf_pointing.api.requests import CalibrateRequest, DesignateRequest, IdentifyRequest, RunRequest, TrackRequest
 from rf_pointing.api.scan import ScanRequest
 from rf_pointing.api.service import make_desk
 from rf_pointing.api.station import Station
@@ -38,15 +32,7 @@ from rf_pointing.planning.horizon import horizon_to_notes
 from rf_pointing.ros.campaign_run import CalibrationOutcome, CalibrationRun
 from rf_pointing.ros.convert_planning import scan_to_message
 from rf_pointing.ros.experiment_run import EndedEarlyError, ExperimentRun
-from rf_pointing.ros.graph import (
-    ARRAY_GRAPH,
-    ARRAY_NODES,
-    DESIGNATE,
-    DRIVE_NODES,
-    GRAPH,
-    NODES,
-    RECEIVER_NODES,
-)
+from rf_pointing.ros.graph import ARRAY_GRAPH, ARRAY_NODES, DESIGNATE, DRIVE_NODES, GRAPH, NODES, RECEIVER_NODES
 from rf_pointing.ros.live_pass import outcome_line, track_designated, track_pass
 from rf_pointing.ros.live_scan import LiveScan
 from rf_pointing.ros.live_service import LiveService
@@ -281,11 +267,7 @@ class IdentifyResult:
 
 def identify(request: IdentifyRequest) -> IdentifyResult:
     """Shake the antenna axis by axis; leave models and pictures."""
-    from rf_pointing.report.identification_report import (
-        error_table,
-        save_recordings,
-        write_identification,
-    )
+    from rf_pointing.report.identification_report import error_table, save_recordings, write_identification
 
     params, output = request.excitation, request.output
     output.mkdir(parents=True, exist_ok=True)

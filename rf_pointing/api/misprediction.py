@@ -42,9 +42,7 @@ FEWEST = 8
 """Directions (each of `INDEPENDENT_S`) without which nothing is concluded."""
 
 
-def split_prediction(
-    case: RecordedCase,
-) -> tuple[Array, dict[str, Array], Array, dict[str, float]]:
+def split_prediction(case: RecordedCase) -> tuple[Array, dict[str, Array], Array, dict[str, float]]:
     """Return times (n,), parts (n, 2) of the misprediction by cause, all of it, and sigmas in mdeg.
 
     The parts are what least squares with priors makes of it: sizes of the orbit errors by the age

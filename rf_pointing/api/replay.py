@@ -25,14 +25,7 @@ from rf_pointing.core.types import Array
 from rf_pointing.ephemeris import Pass
 from rf_pointing.report.recorded_signals import read_pass
 from rf_pointing.report.replay_case import Changes, RecordedCase
-from rf_pointing.report.replay_report import (
-    SENSED,
-    TRUE,
-    Flown,
-    MetricChange,
-    changes,
-    draw_replay,
-)
+from rf_pointing.report.replay_report import SENSED, TRUE, Flown, MetricChange, changes, draw_replay
 from rf_pointing.simulation.open_loop import commanded, followed, sensed_errors, time_of
 from rf_pointing.station.antenna.simulated_antenna import SimulatedAntenna
 from rf_pointing.station.description import StationDescription

@@ -27,11 +27,7 @@ LONGEST_MEMORY_S = 60.0 * 86400.0
 
 
 def make_desk(
-    station: Station,
-    targets: Sequence[Target],
-    hours: Sequence[float],
-    t_s: float,
-    state: Path | str = "",
+    station: Station, targets: Sequence[Target], hours: Sequence[float], t_s: float, state: Path | str = ""
 ) -> ServiceDesk:
     """Return the services of targets from these hours of the day on, as they are at `t_s`.
 

@@ -19,12 +19,7 @@ from rf_pointing.ephemeris.element_files import cache_folder
 from rf_pointing.ephemeris.fetching import Outcome, fetched, kept_outcomes
 from rf_pointing.operations.pass_list import to_calendar, to_csv, to_simple_schedule
 from rf_pointing.operations.schedule import ScheduledPass, require_each_once
-from rf_pointing.station.clients.fetched_schedule import (
-    SCHEDULES,
-    passes_to_come,
-    question,
-    report_results,
-)
+from rf_pointing.station.clients.fetched_schedule import SCHEDULES, passes_to_come, question, report_results
 
 PROGRAM = "fetch_schedule"
 

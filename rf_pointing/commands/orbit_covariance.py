@@ -15,14 +15,7 @@ from pathlib import Path
 from rf_pointing.api.orbit_study import UNITS, Place, orbit_covariance
 from rf_pointing.api.station import Station
 from rf_pointing.api.target import Target
-from rf_pointing.commands.options import (
-    add_options,
-    between,
-    ending_with_reason,
-    refusing,
-    say,
-    say_of_elements,
-)
+from rf_pointing.commands.options import add_options, between, ending_with_reason, refusing, say, say_of_elements
 from rf_pointing.orbit.study import Considered
 
 PROGRAM = "orbit_covariance"

@@ -18,14 +18,7 @@ from pathlib import Path
 from rf_pointing.api.orbits import OrbitRequest
 from rf_pointing.api.station import Station
 from rf_pointing.api.target import Target
-from rf_pointing.commands.options import (
-    add_options,
-    between,
-    ending_with_reason,
-    refusing,
-    say,
-    say_of_elements,
-)
+from rf_pointing.commands.options import add_options, between, ending_with_reason, refusing, say, say_of_elements
 from rf_pointing.core.dates import DAY_S, parse_utc
 
 PROGRAM = "orbit_from_passes"

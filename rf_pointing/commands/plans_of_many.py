@@ -93,12 +93,7 @@ def add_network_options(parser: argparse.ArgumentParser) -> None:
         "contacts of a station of the network")  # fmt: skip
     add("--maintenance", nargs="+", type=_span, metavar="STATION=UTC/UTC", help="a station of the network tracks "
         "nothing in this time")  # fmt: skip
-    add(
-        "--against",
-        type=Path,
-        metavar="FILE",
-        help="tell what differs from an earlier plan of the network (JSON)",
-    )
+    add("--against", type=Path, metavar="FILE", help="tell what differs from an earlier plan of the network (JSON)")
 
 
 def _share(text: str) -> tuple[str, float]:

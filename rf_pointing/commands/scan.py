@@ -18,14 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from rf_pointing.api.target import Target
-from rf_pointing.commands.options import (
-    add_options,
-    between,
-    ending_with_reason,
-    refusing,
-    requested,
-    say,
-)
+from rf_pointing.commands.options import add_options, between, ending_with_reason, refusing, requested, say
 from rf_pointing.commands.options import seed as seed_of
 from rf_pointing.core.dates import parse_utc
 from rf_pointing.radiometry.sources import FLUX_SOURCES

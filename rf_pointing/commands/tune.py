@@ -27,31 +27,16 @@ def arguments() -> argparse.ArgumentParser:
     )  # fmt: skip
     add = parser.add_argument
     add("models", metavar="MODELS", nargs="?", type=Path, help="models.json of identify_antenna")
-    add(
-        "--station",
-        metavar="FILE|NAME",
-        help=f"station description: your file, or {', '.join(shipped_stations())}",
-    )
+    add("--station", metavar="FILE|NAME", help=f"station description: your file, or {', '.join(shipped_stations())}")
     add("--band", metavar="NAME", help="band of the station (default: the station's)")
     add("--law", choices=("pi", "lqg"), default="pi", help="(default: pi)")
     wind = between(0.5, 60.0)
-    add(
-        "--wind",
-        type=wind,
-        metavar="M/S",
-        default=USUAL_WIND_M_S,
-        help=f"mean wind (default: {USUAL_WIND_M_S:g})",
-    )
+    add("--wind", type=wind, metavar="M/S", default=USUAL_WIND_M_S, help=f"mean wind (default: {USUAL_WIND_M_S:g})")
     add(
         "--sensitivity", type=between(1.2, 4.0), metavar="PEAK", default=MOST_SENSITIVE,
         help=f"largest |S|, also with the modes 10 %% off (default: {MOST_SENSITIVE:g})",
     )  # fmt: skip
-    add(
-        "--output",
-        type=Path,
-        default=Path("runs/tuning"),
-        help="folder of the results (default: runs/tuning)",
-    )
+    add("--output", type=Path, default=Path("runs/tuning"), help="folder of the results (default: runs/tuning)")
     return parser
 
 
@@ -61,11 +46,7 @@ def main(argv: list[str] | None = None) -> None:
     with ending_with_reason(PROGRAM):
         station = Station(options.station, options.band) if options.station else None
         tuning = tune(
-            station,
-            models=options.models,
-            law=options.law,
-            wind_m_s=options.wind,
-            most_sensitive=options.sensitivity,
+            station, models=options.models, law=options.law, wind_m_s=options.wind, most_sensitive=options.sensitivity
         )
         files = tuning.write(options.output)
         print(f"{tuning}\n\n{tuning.block(options.output / 'lqg.json')}", end="")

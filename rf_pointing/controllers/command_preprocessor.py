@@ -134,11 +134,7 @@ class CommandPreprocessor:
         self._state.stopping = False
 
     def step(
-        self,
-        position_rad: ArrayLike,
-        velocity_rad_s: ArrayLike,
-        acceleration_rad_s2: ArrayLike,
-        dt_s: float,
+        self, position_rad: ArrayLike, velocity_rad_s: ArrayLike, acceleration_rad_s2: ArrayLike, dt_s: float
     ) -> tuple[Array, Array, Array]:
         """Return the feasible position, velocity, acceleration (2,) at the end of this `dt_s`.
 

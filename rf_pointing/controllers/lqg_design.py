@@ -19,14 +19,7 @@ import numpy as np
 from scipy.linalg import solve_discrete_are
 
 from rf_pointing.controllers.filters import section_matrices
-from rf_pointing.controllers.lqg import (
-    FORMAT,
-    MATRICES,
-    LqgDesign,
-    LqgGains,
-    LqgWeights,
-    law_matrices,
-)
+from rf_pointing.controllers.lqg import FORMAT, MATRICES, LqgDesign, LqgGains, LqgWeights, law_matrices
 from rf_pointing.controllers.margins import closed_radius, loop_margins, sampled_response
 from rf_pointing.core import as_finite_array, require_between
 from rf_pointing.core.types import Array

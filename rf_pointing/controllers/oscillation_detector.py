@@ -34,11 +34,7 @@ class OscillationDetectorParams(Params):
         math.radians(0.5), "error at which no further swing is waited for", low=1e-7, high=1.0
     )
 
-    ordered = (
-        "high_pass_hz < highest_hz",
-        "gross_threshold_rad >= threshold_rad",
-        "gross_half_cycles <= half_cycles",
-    )
+    ordered = ("high_pass_hz < highest_hz", "gross_threshold_rad >= threshold_rad", "gross_half_cycles <= half_cycles")
 
 
 @dataclass(slots=True)

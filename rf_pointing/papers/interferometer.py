@@ -197,16 +197,7 @@ def _power_row(
     remark: str = "",
     due: float | None = None,
 ) -> Row:
-    return Row(
-        quantity,
-        source,
-        paper,
-        ours,
-        "W",
-        1e-3 * paper,
-        remark=remark,
-        due=near(due, 1e-3),
-    )
+    return Row(quantity, source, paper, ours, "W", 1e-3 * paper, remark=remark, due=near(due, 1e-3))
 
 
 def _printed_frequency_rows() -> list[Row]:

@@ -15,13 +15,7 @@ from dataclasses import dataclass
 from typing import Self
 
 from rf_pointing.papers.row import Row, near
-from rf_pointing.rf.noise import (
-    REFERENCE_K,
-    Stage,
-    cascade_k,
-    noise_of_figure_k,
-    noise_of_plate_k,
-)
+from rf_pointing.rf.noise import REFERENCE_K, Stage, cascade_k, noise_of_figure_k, noise_of_plate_k
 
 PLATE = (
     ("32.0 GHz", 0.007, 0.013, 1.34),

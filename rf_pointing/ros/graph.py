@@ -140,18 +140,12 @@ GRAPH = (
 # The clock first: its held time reaches each of the others while they start.
 
 
-ARRAY_GRAPH = (
-    GraphNode("array_receiver", (), simulated=True),
-    GraphNode("array_tracker", (_POINTING_ERROR,)),
-)
+ARRAY_GRAPH = (GraphNode("array_receiver", (), simulated=True), GraphNode("array_tracker", (_POINTING_ERROR,)))
 """Further nodes of a station with an array on its dish; `array_snapshots` connects them."""
 # Not recorded: 60 kB/s, and nothing of the report reads them.
 
 
-RECEIVER_GRAPH = (
-    GraphNode("signal_source", (_TRUTH,), simulated=True),
-    GraphNode("signal_receiver", _RECEIVED),
-)
+RECEIVER_GRAPH = (GraphNode("signal_source", (_TRUTH,), simulated=True), GraphNode("signal_receiver", _RECEIVED))
 """Nodes in place of rf_receiver where the receiver of a station is not simulated."""
 DESIGNATE_GRAPH = (GraphNode("target_designate", _TARGET),)
 """Node of a station that is led by reports of a target, with the ephemeris or in place of it."""

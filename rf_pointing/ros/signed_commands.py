@@ -51,12 +51,7 @@ class CommandSender:
     `create` makes the publishers: `publisher` of a managed node, which lasts until cleanup.
     """
 
-    def __init__(
-        self,
-        node: Node,
-        params: CommandKeyParams,
-        create: Callable[..., Any] | None = None,
-    ) -> None:
+    def __init__(self, node: Node, params: CommandKeyParams, create: Callable[..., Any] | None = None) -> None:
         create = create or node.create_publisher
         self.name, self.sent = node.get_fully_qualified_name(), 0
         self.key = CommandKey(params, node.resolve_topic_name(COMMANDS))

@@ -224,13 +224,7 @@ class LockWatch:
         recent = [row for row in self.state.rows if oldest <= row[0] < error.t_s]
         rows = (*recent, (error.t_s, sensed, beam, noise + floor**2))
         bank, weather, sums = self._weigh(error.t_s, sensed, beam, noise)
-        self.state = LockWatchState(
-            bank=bank,
-            weather=weather,
-            sums=sums,
-            rows=rows,
-            low_clusters=low,
-        )
+        self.state = LockWatchState(bank=bank, weather=weather, sums=sums, rows=rows, low_clusters=low)
         # A carrier that comes or goes within a cluster is not a sidelobe.
         if low >= self.params.level_clusters:
             return level_fault

@@ -46,12 +46,7 @@ class AxisResponse:
     """
 
     def __init__(
-        self,
-        plant: PlantParams,
-        axis: int,
-        variation: Variation,
-        frequency_hz: Array,
-        sample_s: float,
+        self, plant: PlantParams, axis: int, variation: Variation, frequency_hz: Array, sample_s: float
     ) -> None:
         name = AXES[axis]
         model = linear_model(_varied(plant, name, variation))

@@ -30,11 +30,7 @@ from rf_pointing.station.antenna.safety import AntennaSafety, SafetyParams
 from rf_pointing.station.antenna.sun_at_rest import AT_REST_RAD_S, EVERY_S, sun_entry, way_out
 
 SAME_S = 1e-9
-_ON_THE_WAY = {
-    Request.PARK: AntennaMode.PARKING,
-    Request.STOW: AntennaMode.STOWING,
-    Request.GO_TO: AntennaMode.HOLDING,
-}
+_ON_THE_WAY = {Request.PARK: AntennaMode.PARKING, Request.STOW: AntennaMode.STOWING, Request.GO_TO: AntennaMode.HOLDING}
 """Mode of the antenna's own motions; one that holds at its end holds its goal from the start."""
 SAME_RAD = 1e-3
 JOG_S = 0.5

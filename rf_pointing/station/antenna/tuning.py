@@ -31,13 +31,7 @@ from rf_pointing.core import AXES
 from rf_pointing.core.types import Array, ComplexArray, Pair
 from rf_pointing.identification import StateSpace
 from rf_pointing.servo import PlantParams, WindParams, wind_torque_n_m
-from rf_pointing.station.antenna.axis_response import (
-    AS_KNOWN,
-    AxisResponse,
-    Variation,
-    davenport_psd,
-    frequency_grid,
-)
+from rf_pointing.station.antenna.axis_response import AS_KNOWN, AxisResponse, Variation, davenport_psd, frequency_grid
 
 # Mean wind that a loop is tuned for unless one is given.
 USUAL_WIND_M_S = 8.0

@@ -14,14 +14,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from rf_pointing import __version__, calibration
-from rf_pointing.calibration import (
-    AcceptanceRules,
-    FitResult,
-    ModelVersion,
-    ObservationJournal,
-    PassPriors,
-    SectorRule,
-)
+from rf_pointing.calibration import AcceptanceRules, FitResult, ModelVersion, ObservationJournal, PassPriors, SectorRule
 from rf_pointing.core import MDEG, JointReading, Params, PointingError, parameter
 from rf_pointing.core.kinematics import LEVEL, Kinematics
 from rf_pointing.station.campaign.log import CalibrationLog

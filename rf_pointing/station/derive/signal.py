@@ -9,13 +9,7 @@ from rf_pointing.core.parameters import flat, leaves, with_leaves
 from rf_pointing.receiver.params import OUTLET_FORMATS as FORMATS
 from rf_pointing.receiver.params import SignalReceiverParams
 from rf_pointing.rf.budget import gain_of_beam_dbi, zenith_level_db_hz
-from rf_pointing.rf.noise import (
-    Stage,
-    cascade_k,
-    noise_of_figure_k,
-    noise_of_plate_k,
-    sky_k,
-)
+from rf_pointing.rf.noise import Stage, cascade_k, noise_of_figure_k, noise_of_plate_k, sky_k
 from rf_pointing.station.derive.band import TICK_S, Band
 from rf_pointing.station.description.content import NoiseSection, StageSection
 

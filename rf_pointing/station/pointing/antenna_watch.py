@@ -159,9 +159,7 @@ class AntennaWatch:
             return None, None, 0.0
         azimuth, elevation = reading.position_rad.tolist()
         across, up = command.tolist()
-        error = np.array(
-            [math.remainder(across - azimuth, 2.0 * math.pi) * math.cos(elevation), up - elevation],
-        )
+        error = np.array([math.remainder(across - azimuth, 2.0 * math.pi) * math.cos(elevation), up - elevation])
         return command, error, separation_rad(azimuth, elevation, across, up)
 
     def _command_at(self, t_s: float) -> Array | None:

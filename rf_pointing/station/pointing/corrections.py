@@ -23,15 +23,7 @@ from rf_pointing.core.signals import TimeBuffer
 from rf_pointing.core.types import Array
 from rf_pointing.planning import AxisRates
 from rf_pointing.station.pointing.scan_patterns import UNDERWAY_S, ScanPatterns, Scans
-from rf_pointing.tracking import (
-    AutotrackState,
-    SkyMotion,
-    TrackPath,
-    TrimFilter,
-    TrimParams,
-    direction_rows,
-    prior_for,
-)
+from rf_pointing.tracking import AutotrackState, SkyMotion, TrackPath, TrimFilter, TrimParams, direction_rows, prior_for
 from rf_pointing.tracking.sensors import SENSORS
 from rf_pointing.tracking.trim import STEEPEST_RAD
 

@@ -15,13 +15,7 @@ from rf_pointing.planning import AxisLimits, GateParams, HorizonMask, MachinePar
 from rf_pointing.rf import LinkParams
 from rf_pointing.rf.dish_array import DishArrayParams
 from rf_pointing.station.pointing.antenna_watch import AntennaWatchParams
-from rf_pointing.tracking import (
-    AutotrackParams,
-    LockWatchParams,
-    MonopulseScanParams,
-    SpiralParams,
-    TrimParams,
-)
+from rf_pointing.tracking import AutotrackParams, LockWatchParams, MonopulseScanParams, SpiralParams, TrimParams
 from rf_pointing.tracking.power_tracker import PowerTrackerParams
 
 
