@@ -180,7 +180,7 @@ def ensemble(
     begin_s = max(each.first_t_s for each in targets) if begin_s is None else begin_s
     changes = changes or {}
     setup = StationSetup(station.description, station.band, changes=changes, model=station.model)
-    wind, law = (setup.sets("antenna_servo")["wind"], setup.sets("ephemeris_publisher")["uncertainty"])
+    wind, law = setup.sets("antenna_servo")["wind"], setup.sets("ephemeris_publisher")["uncertainty"]
     span, least_rad = (begin_s, span_s(None, days)), math.radians(min_peak_deg)
     passes = [
         _trial(target, window, k, seed, wind.mean_speed_m_s, law)

@@ -88,7 +88,7 @@ class TargetDesignate(StationNode):
     def _on_fix(self, message: NavSatFix) -> None:
         if message.status.status == NavSatStatus.STATUS_NO_FIX:
             raise ValueError("a NavSatFix without a fix")
-        t_s, noise = (seconds_from_stamp(message.header.stamp), self.parameters.value("designate").noise)
+        t_s, noise = seconds_from_stamp(message.header.stamp), self.parameters.value("designate").noise
         # A receiver that states its errors knows them better than the parameters do.
         if message.position_covariance_type != NavSatFix.COVARIANCE_TYPE_UNKNOWN:
             east, north, up = np.sqrt(np.diag(np.reshape(message.position_covariance, (3, 3)))).tolist()
@@ -104,7 +104,7 @@ class TargetDesignate(StationNode):
 
     def _on_direction(self, message: Target) -> None:
         place = message.azimuth, message.elevation, message.range
-        t_s, noise = (seconds_from_stamp(message.header.stamp), self.parameters.value("designate").noise)
+        t_s, noise = seconds_from_stamp(message.header.stamp), self.parameters.value("designate").noise
         report = Report.of_direction(t_s, DIRECTION, *place, self._target.site, noise)
         self._target.take_stamped(report, self.now_s())
 

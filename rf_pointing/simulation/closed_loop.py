@@ -35,7 +35,9 @@ class TickedAntenna(Protocol[Output]):
         ...
 
 
-def ticks(antenna: TickedAntenna[Output], count: int | None = None, first: int = 0) -> Iterator[tuple[int, Output]]:
+def ticks(
+    antenna: TickedAntenna[Output], count: int | None = None, first: int = 0
+) -> Iterator[tuple[int, Output]]:
     """Yield the number of each tick and what the antenna returned for it.
 
     The caller acts between two ticks: what it changes then is in force in the next tick.
@@ -113,4 +115,6 @@ class PointedAntenna:
         if self._law is not None and t_s - self._known_at_s >= UNCERTAINTY_STEP_S:
             self._known_at_s, self._uncertainty = t_s, sky_uncertainty(self._track, t_s, self._law)
         target = self._track.target_at(t_s)
-        return target if self._uncertainty is None else replace(target, uncertainty=self._uncertainty)
+        return (
+            target if self._uncertainty is None else replace(target, uncertainty=self._uncertainty)
+        )

@@ -44,7 +44,11 @@ class Draw:
     ) -> "Draw":  # fmt: skip
         """Return the draw of a trial of a pass, with elements of an age in the `law`."""
         random = random_stream(seed, f"{window.name} {window.aos_t_s:.0f} {trial}")
-        rayleigh, turn, along, across = (random.rayleigh(), *random.random(1), *random.standard_normal(2))
+        rayleigh, turn, along, across = (
+            random.rayleigh(),
+            *random.random(1),
+            *random.standard_normal(2),
+        )
         along_m, cross_m, _ = law.sigmas_m(age_s)
         reach = max(window.smallest_range_m, 1.0)
         return cls(

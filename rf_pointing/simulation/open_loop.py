@@ -17,7 +17,14 @@ import numpy as np
 
 from rf_pointing.calibration import ReferenceTrack
 from rf_pointing.calibration.reference import COLUMNS
-from rf_pointing.core import JointReading, JointTrajectory, PointingError, Sensor, Target, nearest_turn_rad
+from rf_pointing.core import (
+    JointReading,
+    JointTrajectory,
+    PointingError,
+    Sensor,
+    Target,
+    nearest_turn_rad,
+)
 from rf_pointing.core.types import Array
 from rf_pointing.ephemeris import Pass, TopocentricTrack
 from rf_pointing.ephemeris.look_angles import LookAngles

@@ -28,7 +28,11 @@ from rf_pointing.simulation.closed_loop import PointedAntenna, ticks
 from rf_pointing.station.antenna.drive_antenna import DriveAntenna
 from rf_pointing.station.antenna.radio import SampledReceiver, SimulatedRadio, seeded
 from rf_pointing.station.antenna.receiver import Reception, SimulatedReceiver
-from rf_pointing.station.antenna.simulated_antenna import AntennaParams, SimulatedAntenna, SimulatedHardware
+from rf_pointing.station.antenna.simulated_antenna import (
+    AntennaParams,
+    SimulatedAntenna,
+    SimulatedHardware,
+)
 from rf_pointing.station.derive.axes import feed_model, kinematics_of
 from rf_pointing.station.description import DEFAULT_STATION, StationDescription, read_station
 from rf_pointing.station.description.description import require_known
@@ -37,7 +41,12 @@ from rf_pointing.station.pointing.certificates import pass_profile
 from rf_pointing.station.pointing.controller import PointingController
 from rf_pointing.station.pointing.params import ControllerParams
 from rf_pointing.tracking import MonopulseTracker
-from rf_pointing.tracking.power_tracker import NODE, CarrierTracker, PowerTracker, PowerTrackerParams
+from rf_pointing.tracking.power_tracker import (
+    NODE,
+    CarrierTracker,
+    PowerTracker,
+    PowerTrackerParams,
+)
 from rf_pointing.tracking.scan_program import ScanProgramParams
 from rf_pointing.tracking.sensors import SENSORS, load_trackers
 
@@ -133,7 +142,9 @@ class StationSetup:
             self.changes[node] |= values
         chosen = self.station.bias_model_file(self.band) if model is None else model
         if not isinstance(chosen, BiasModel):
-            chosen = read_model(chosen).model if chosen else feed_model(self.station.content, self.band)
+            chosen = (
+                read_model(chosen).model if chosen else feed_model(self.station.content, self.band)
+            )
         self.model = chosen.on(self.sets("pointing_controller")["kinematics"])
 
     def sets(self, node: str) -> dict[str, Any]:
@@ -169,7 +180,9 @@ class StationSetup:
             if self._wind is not None:
                 antenna.hardware.blow(self._wind(params.wind))
             return antenna
-        return DriveAntenna(params.replace(drive=drive), make_drive(drive, params.antenna.start_rad), 0.0)
+        return DriveAntenna(
+            params.replace(drive=drive), make_drive(drive, params.antenna.start_rad), 0.0
+        )
 
     def receiver(self) -> SimulatedReceiver | SampledReceiver:
         """Return the simulated receiver, which receives the satellite where it really is.
@@ -190,7 +203,9 @@ class StationSetup:
         own = ControllerParams(**self.sets("pointing_controller"))
         # A tracker of one's own measures one band.
         given = self._tracker is not None or self.array is not None
-        controller = PointingController(own, None if given else wider_band(self.station, self.band, self.changes))
+        controller = PointingController(
+            own, None if given else wider_band(self.station, self.band, self.changes)
+        )
         controller.take_model(self.model)
         return controller
 
@@ -229,34 +244,44 @@ def simulate_pass(
     # A track of the caller's is what it is: no law of elements, and nothing learned of them.
     believed = lesson.applied(track, window.tca_t_s, law) if law is not None else track
     if sensor == Sensor.ARRAY and setup.array is None:
-        raise ValueError("sensor=array needs an array: what measures the receptions with it is not given")
+        raise ValueError(
+            "sensor=array needs an array: what measures the receptions with it is not given"
+        )
     antenna, receiver, controller = setup.antenna(), setup.receiver(), setup.controller()
     monopulse = MonopulseTracker(setup.sets(SENSORS[Sensor.MONOPULSE].node)[Sensor.MONOPULSE])
     carrier = setup.power_tracker()
     # Before the controller starts: its certificate begins at the axes' present angles.
     antenna.enable()
     log = PassLog()
-    pointed = PointedAntenna(antenna, controller, believed, start_t_s, window.aos_t_s - EARLY_TARGET_S, law)
+    pointed = PointedAntenna(
+        antenna, controller, believed, start_t_s, window.aos_t_s - EARLY_TARGET_S, law
+    )
     controller.plan.take_profiles([pass_profile(believed, window, law=law)])
     controller.start(start_t_s, window, sensor, scan)
     send("joint_states", antenna.reading(start_t_s))
     log.certificate = controller.plan.certificate
     mode = controller.state.mode
-    for _, tick in ticks(pointed, round((window.los_t_s - start_t_s) / antenna.params.tick_s) - 1, first=1):
+    for _, tick in ticks(
+        pointed, round((window.los_t_s - start_t_s) / antenna.params.tick_s) - 1, first=1
+    ):
         status, trajectory = tick.status, tick.trajectory
         if status is not None:
             # A cluster is noted under the mode of the newest period before its end.
             mode = status.mode
             if (held := status.held_direction) is not None:
                 lesson.take(held)
-            carrier.take_status(status.t_s, status.scan_centre_rad, status.offset_rad, status.mode, status.sensor)
+            carrier.take_status(
+                status.t_s, status.scan_centre_rad, status.offset_rad, status.mode, status.sensor
+            )
             send("antenna_status", antenna.status(tick.t_s))
             send("tracking_status", status)
             if tick.target is not None:
                 send("target", tick.target)
         if trajectory is not None:
             log.command_t_s.append(float(trajectory.t_s[0]))
-            log.command_rad.append((float(trajectory.position_rad[0, 0]), float(trajectory.position_rad[0, 1])))
+            log.command_rad.append(
+                (float(trajectory.position_rad[0, 0]), float(trajectory.position_rad[0, 1]))
+            )
             send("joint_trajectory", (tick.t_s, trajectory))
         # Every tick, not only in a period: the circle of a scan is read off the encoders.
         carrier.take_joints(tick.reading)
@@ -286,7 +311,9 @@ def simulate_pass(
             # Between two periods: what was received belongs to the band before.
             other = setup.in_band(band)
             receiver, carrier = other.receiver(), other.power_tracker()
-            monopulse = MonopulseTracker(other.sets(SENSORS[Sensor.MONOPULSE].node)[Sensor.MONOPULSE])
+            monopulse = MonopulseTracker(
+                other.sets(SENSORS[Sensor.MONOPULSE].node)[Sensor.MONOPULSE]
+            )
             if isinstance(antenna, SimulatedAntenna):
                 antenna.hardware.bend(other.sets("antenna_servo")["mount"])
             controller.go_on_in_band(status.t_s, band)

@@ -135,7 +135,10 @@ def _axis(
     through = responses(frequency)[1]
     spectrum = np.fft.rfft(answer, 2 * count) * step_s
     span_s = count * step_s
-    power, shape = (np.abs(spectrum) ** 2 / span_s, davenport_psd(frequency, USUAL_WIND_M_S, USUAL_DRAG))
+    power, shape = (
+        np.abs(spectrum) ** 2 / span_s,
+        davenport_psd(frequency, USUAL_WIND_M_S, USUAL_DRAG),
+    )
     # The mean torque changes with the attitude, which no gust does: leave it almost free.
     shape[0] = 10.0 * shape[1]
     # By sums, not bin by bin: single bins of one record scatter by as much as they hold.
