@@ -161,7 +161,8 @@ class CommandKey:
     def _signature(self, message: CommandSignature) -> str:
         stamp = message.header.stamp
         head = struct.pack("<4sqIQ", b"sent", stamp.sec, stamp.nanosec, message.sequence)
-        return self._digest([head, *map(_counted, (self._topic, message.commander, message.digest))])
+        words = self._topic, message.commander, message.digest
+        return self._digest([head, *map(_counted, words)])
 
     def _call_signature(self, call: SignedCall.Request) -> str:
         head = struct.pack("<4sqI", b"call", call.stamp.sec, call.stamp.nanosec)

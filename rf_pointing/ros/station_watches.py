@@ -43,7 +43,8 @@ class ExecutiveWatch:
         silent_s = time.monotonic() - self._seen_s
         # One that is idle may end: nothing waits for it.
         if silent_s > EXECUTIVE_SILENT_S and self._state != "idle":
-            return Health(ERROR, f"station_executive has been silent for {silent_s:.0f} s; it was {self._state}")
+            words = f"station_executive has been silent for {silent_s:.0f} s; it was {self._state}"
+            return Health(ERROR, words)
         return Health(message=self._state)
 
 

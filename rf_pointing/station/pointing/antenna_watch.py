@@ -159,7 +159,8 @@ class AntennaWatch:
             return None, None, 0.0
         azimuth, elevation = reading.position_rad.tolist()
         across, up = command.tolist()
-        error = np.array([math.remainder(across - azimuth, 2.0 * math.pi) * math.cos(elevation), up - elevation])
+        turn = math.remainder(across - azimuth, 2.0 * math.pi)
+        error = np.array([turn * math.cos(elevation), up - elevation])
         return command, error, separation_rad(azimuth, elevation, across, up)
 
     def _command_at(self, t_s: float) -> Array | None:
