@@ -50,9 +50,9 @@ class Schedule:
 
     The work is done once for every instant of the grid, in order; where nothing `catches_up`, once
     at the present time when the timer fires, not again before half a period has passed.  A gap of
-    more than `longest_gap_s` starts a new grid.
-    It is a jump of the clock, unless a steady clock has gone on as far: then the process itself has
-    stalled.  A smaller step of the clock is known by the steady clock too (`stepped_s`).
+    more than `longest_gap_s` starts a new grid.  It is a jump of the clock, unless a steady clock
+    has gone on as far: then the process itself has stalled.  A smaller step of the clock is known
+    by the steady clock too (`stepped_s`).
     `steady_s` is the time of a clock that nobody sets, None where time is simulated.
     """
 
@@ -192,10 +192,7 @@ class Lifecycle(LifecycleNode):
         does not catch up: it is called once, at the present time.
         """
         simulated = self.get_parameter("use_sim_time").value
-
-        def steady_s() -> float | None:
-            return None if simulated else time.monotonic()
-
+        steady_s: Callable[[], float | None] = (lambda: None) if simulated else time.monotonic
         schedule = Schedule(self.now_s(), period_s, steady_s(), catches_up=catches_up)
 
         def fire() -> None:
@@ -215,16 +212,14 @@ class Lifecycle(LifecycleNode):
 
     def catch_up(self) -> None:
         """Do the periodic work that is due and that no timer has called."""
-        # The executor can lose a timer of simulated time when a message of the clock arrives while
-        # it arms that timer: the work, and with it time, would stand for seconds.
+        # The executor can lose a timer of simulated time: work, and time, would stand for seconds.
         for fire in tuple(self._works):
             fire()
 
     def timer(self, period_s: float, callback: Callable[[], object]) -> Timer:
         """Return a timer that no step of the computer's clock delays; it follows simulated time."""
         # One of the node clock waits for as long as that is set back, while a device goes on.
-        simulated = self.get_parameter("use_sim_time").value
-        clock = None if simulated else Clock(clock_type=ClockType.STEADY_TIME)
+        clock = None if self.get_parameter("use_sim_time").value else Clock(clock_type=ClockType.STEADY_TIME)
         return self.create_timer(period_s, callback, clock=clock)
 
     # What the main loop and rclpy call

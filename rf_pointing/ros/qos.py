@@ -19,8 +19,6 @@ STREAM = _reliable(10)
 INSTRUMENT = QoSProfile(depth=10, history=HistoryPolicy.KEEP_LAST, reliability=ReliabilityPolicy.BEST_EFFORT)
 """Topics of devices: most drivers publish best effort, which a reliable subscriber does not
 receive; this one receives both."""
-NEWEST = QoSProfile(depth=1, history=HistoryPolicy.KEEP_LAST, reliability=ReliabilityPolicy.BEST_EFFORT)
-"""State of a device of which only the newest counts."""
 WATCHED = _reliable(2000)
 """The same streams for a node that only watches: it may be busy for a while and loses none."""
 STATUS = _reliable(10, **_KEPT)

@@ -11,6 +11,7 @@ from typing import Any
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 
@@ -19,7 +20,7 @@ from rf_pointing.core.signals import BASE
 from rf_pointing.core.types import Pair
 from rf_pointing.drives import Capabilities, Drive, DriveParams, DriveReading, make_drive
 from rf_pointing.drives.drive import POSITION, RATE
-from rf_pointing.ros.qos import LATCHED, NEWEST, SET_POINT
+from rf_pointing.ros.qos import LATCHED, SET_POINT
 from rf_pointing.ros.stamps import seconds_from_stamp, stamp_from_seconds
 from rf_pointing.ros.streams import checked_message, frame_in, require_length
 from rf_pointing.station.antenna.drive_antenna import CONNECT_S, DriveAntenna, connected_antenna
@@ -28,6 +29,8 @@ from rf_pointing.station.antenna.simulated_antenna import AntennaParams
 PATIENCE_S = 0.5
 """Longest wait for a device in one attempt of a node that tries again; it reports meanwhile."""
 STATE_BYTES = 64 * 1024
+NEWEST = QoSProfile(depth=1, history=HistoryPolicy.KEEP_LAST, reliability=ReliabilityPolicy.BEST_EFFORT)
+"""Quality of service of a state of which only the newest counts."""
 
 
 class TopicDrive(Drive):

@@ -110,7 +110,7 @@ class AxisModel:
         for _ in range(2):
             phase = np.angle(1j * sampled_response(self.nominal.sampled, slow_hz, self.sample_s)[:, 0, 0])
             found_s = max(0.0, -float(np.median(phase / slow_hz)) / (2.0 * math.pi))
-            # Slow beside the lag itself.
+            # Slow against the lag itself.
             slow_hz = np.minimum(slow_hz, SLOW / max(found_s, self.sample_s))
         return found_s
 
