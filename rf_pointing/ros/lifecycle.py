@@ -40,9 +40,7 @@ class LifecycleParams(Params):
 
     autostart: bool = parameter(False, "whether the node configures and activates itself, now and after a restart")
     realtime_priority: int = parameter(0, "SCHED_FIFO priority of the process, 0: as it was started", low=0, high=98)
-
-    # The word that tells a node from another one of its name on this computer.
-    place = ""
+    place = ""  # tells a node from another one of its name on this computer
 
 
 class Schedule:

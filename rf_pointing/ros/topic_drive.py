@@ -11,7 +11,7 @@ from typing import Any
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
-from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 
@@ -29,7 +29,7 @@ from rf_pointing.station.antenna.simulated_antenna import AntennaParams
 PATIENCE_S = 0.5
 """Longest wait for a device in one attempt of a node that tries again; it reports meanwhile."""
 STATE_BYTES = 64 * 1024
-NEWEST = QoSProfile(depth=1, history=HistoryPolicy.KEEP_LAST, reliability=ReliabilityPolicy.BEST_EFFORT)
+NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 """Quality of service of a state of which only the newest counts."""
 
 

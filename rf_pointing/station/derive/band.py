@@ -25,8 +25,7 @@ if TYPE_CHECKING:
 SPEED_OF_LIGHT_M_S = 299_792_458.0
 BEAM_FACTOR_DEG = 66.0
 """h D / wavelength: 62 to 69 deg over the three bands of DSS-13, 58 deg for a uniform aperture."""
-TICK_S = 0.02
-"""Period of the servo."""
+TICK_S = 0.02  # period of the servo
 REFERENCE_M = 34.0
 """Diameter of the antenna that was measured."""
 STIFF_BELOW_M, STIFF_DRIVE_RAD_S, STIFF_BACKLASH_DEG = 10.0, 25.0, 0.01

@@ -149,7 +149,9 @@ class StationDescription:
         chosen = self._band(band)
         if (node, chosen) not in self._derived:
             model = self.bias_model_file(chosen)
-            content = dataclasses.replace(self.content, receiver=self.content.receiver_in(chosen))
+            content = self.content
+            if any(vars(content.bands[chosen].receiver).values()):
+                content = dataclasses.replace(content, receiver=content.receiver_in(chosen))
             numbers = Band(content, chosen, self.mask, str(model) if model else "")
             tuning = (("tuning", self.content.tuning), (f"bands.{chosen}.tuning", numbers.section.tuning))
             given = {
