@@ -1,6 +1,6 @@
-"""Runs of the three sensors, number by number as recorded: a snapshot, which shows what a change of the code moves.
+"""Whole chains of the three sensors, number by number as recorded: a snapshot, which shows what a change of the code moves.
 
-What is true of these runs (covariances that are honest, bounds that are kept) is tested beside each module.
+What is true of them and of their parts (covariances that are honest, bounds that are kept) is tested beside each module.
 """
 
 from collections.abc import Callable
@@ -11,19 +11,17 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial.transform import Rotation
 
 from rf_pointing.array_sensors.attitude.ground_stations import stations_along_track
 from rf_pointing.array_sensors.attitude.multiplicative_filter import GateParams, ProcessNoiseParams
 from rf_pointing.array_sensors.attitude.orbits import SunSynchronousOrbitParams
 from rf_pointing.array_sensors.attitude.rigid_body import SatelliteParams
 from rf_pointing.array_sensors.doa.array import ArrayResponse, CircularArrayParams
-from rf_pointing.array_sensors.doa.array_source import ArraySource, ArraySourceParams
+from rf_pointing.array_sensors.doa.array_source import ArraySourceParams
 from rf_pointing.array_sensors.doa.attitude_chain import DoaAttitude, DoaChainParams
 from rf_pointing.array_sensors.doa.attitude_filter import DoaAttitudeParams
 from rf_pointing.array_sensors.doa.attitude_start import StartParams
-from rf_pointing.array_sensors.doa.dish_array import DishArrayTracker, SimulatedDishArray
-from rf_pointing.array_sensors.doa.estimator import DoaEstimator, DoaEstimatorParams
+from rf_pointing.array_sensors.doa.estimator import DoaEstimatorParams
 from rf_pointing.array_sensors.doa.innovation_watch import WatchParams
 from rf_pointing.array_sensors.doa.simulated_doa import DoaScenarioParams, SimulatedDoa
 from rf_pointing.array_sensors.doa.simulated_satellite import NadirHoldParams
@@ -34,20 +32,14 @@ from rf_pointing.array_sensors.interferometer.rate_filter import FilterParams
 from rf_pointing.array_sensors.interferometer.source import InterferometerSource
 from rf_pointing.array_sensors.interferometer.system import InterferometerSystem, Schedule
 from rf_pointing.array_sensors.interferometer.tracker import InterferometerTracker, TrackerState
-from rf_pointing.array_sensors.tripulse.array import TripulseArrayParams
-from rf_pointing.array_sensors.tripulse.receiver import TripulseReceiver, TripulseReceiverParams
 from rf_pointing.array_sensors.tripulse.signal import TripulseSignalParams
-from rf_pointing.array_sensors.tripulse.source import StationLine, TripulseSource, TripulseSourceParams
-from rf_pointing.core import PointingError
 from rf_pointing.papers.tripulse_attitude import run_tripulse
-from rf_pointing.rf.dish_array import DishArrayParams
 from test.papers.recorded import PRINTED_NUMBER, check_numbers, flat
 
 Array = NDArray[np.float64]
 DATA = Path(__file__).parents[1] / "data" / "array_sensors" / "numbers.csv"
 START_S = 1_767_225_600.0
 INTERLEAVED = TripulseSignalParams(scheme="interleaved", pattern="SxSy")
-COARSE = TripulseArrayParams(n_x=12, n_y=14, taper_edge=0.6, phase_bits=4, failed="3:5, 12:14")
 RESPONSE = ArrayResponse(
     gain=np.exp(0.02j * np.arange(12.0) ** 2), coupling=np.array([0.1j, 0.05, 0.0, 0.01, 0.0, 0.0])
 )
@@ -56,22 +48,6 @@ RESPONSE = ArrayResponse(
 def summed(reason: str) -> list[float]:
     """Return how long a reason is without its numbers, and their sum."""
     return [float(len(PRINTED_NUMBER.sub("", reason))), sum(float(number) for number in PRINTED_NUMBER.findall(reason))]
-
-
-def tripulse(signal: TripulseSignalParams, array: TripulseArrayParams, **link: float) -> Array:
-    """Return what was sent and measured in frames of a station off the steering, farther from one to the next."""
-    sender = TripulseSource(array, signal, TripulseSourceParams(**link), seed=4)
-    params = TripulseReceiverParams(element_carrier_to_noise_db_hz=link.get("element_carrier_to_noise_db_hz", 37.0))
-    receiver, found = TripulseReceiver(array=array, signal=signal, params=params), []
-    towards = np.array([0.05, -0.03, np.sqrt(1.0 - 0.05**2 - 0.03**2)])
-    for k in range(5):
-        line = StationLine(name="one", direction=towards, range_rate_m_s=-240.0 + 90.0 * k, elevation_rad=0.7)
-        turn = 2e-3 * (k + 1) * np.array([1.0, -0.6, 0.2])
-        (frame,) = sender.step(2.0 * k, Rotation.from_rotvec(turn).as_matrix(), [line])
-        made = receiver.measure(frame)
-        found.append(flat(frame.samples[:: len(frame.samples) // 5], frame.steering, made.projections, 1e8 * made.covariance,
-                          made.sum_snr_db, made.shift_hz, made.valid, summed(made.reason)))  # fmt: skip
-    return flat(*found)
 
 
 def geostationary(**options: Any) -> Array:
@@ -103,37 +79,6 @@ def satellite(
                 report.attitude.quaternion, 1e6 * report.attitude.covariance_rad2, 1e3 * report.rate.rate_rad_s,
                 1e6 * report.rate.covariance_rad2_s2, summed(report.attitude.reason), summed(" ".join(report.refused)),
             ))  # fmt: skip
-    return flat(*found)
-
-
-def directions(params: DoaEstimatorParams, response: ArrayResponse | None = None, level_db: float = 3.0) -> Array:
-    array = CircularArrayParams()
-    source, found = ArraySource(array, ArraySourceParams(snapshots=60), seed=3, response=response), []
-    towards = np.array([[0.3, 0.2, 0.93], [-0.5, 0.4, 0.77], [0.1, -0.6, 0.79]])[: params.sources]
-    for k in range(4):
-        block = source.step(
-            0.5 * k, towards / np.linalg.norm(towards, axis=1, keepdims=True), level_db + np.arange(params.sources)
-        )
-        for each in DoaEstimator(array, params, response=response).estimate(block):
-            bias = np.zeros(6) if each.bias_rad is None else each.bias_rad
-            found.append(
-                flat(each.direction, 1e4 * each.covariance_rad2, each.snr_db, each.valid, summed(each.reason), bias)
-            )
-    return flat(*found)
-
-
-def dish(array: DishArrayParams, level_db_hz: float) -> Array:
-    source, tracker, found = SimulatedDishArray(array, 3), DishArrayTracker(array), []
-    for k, offset in enumerate(([0.02, -0.03], [-0.08, 0.05], [0.15, 0.1], [0.4, -0.2])):
-        sent = PointingError(t_s=1.0 + k, sensor="truth", cross_elevation_rad=offset[0], elevation_rad=offset[1],
-                             carrier_to_noise_db_hz=level_db_hz)  # fmt: skip
-        made = tracker.measure(source.receive(sent))
-        spread = np.zeros((2, 2)) if made.covariance_rad2 is None else 1e6 * made.covariance_rad2
-        found.append(
-            flat(
-                made.t_s, made.cross_elevation_rad, made.elevation_rad, made.valid, made.carrier_to_noise_db_hz, spread
-            )
-        )
     return flat(*found)
 
 
@@ -174,13 +119,6 @@ def docking(order: str, start_m: float, radio: RadioParams, lost: int = -1, **op
 STEADY = RadioParams()
 ROUGH = RadioParams(hardware_phase_rad=0.002, hardware_rate_rad_s=0.02, hardware_coupling=0.002)
 NUMBERS: dict[str, Callable[[], ArrayLike]] = {
-    "tripulse: two tones": lambda: tripulse(TripulseSignalParams(), TripulseArrayParams()),
-    "tripulse: interleaved": lambda: tripulse(INTERLEAVED, TripulseArrayParams()),
-    "tripulse: sum beam last": lambda: tripulse(INTERLEAVED.replace(pattern="xSyS"), TripulseArrayParams()),
-    "tripulse: coarse array": lambda: tripulse(TripulseSignalParams(), COARSE),
-    "tripulse: weak": lambda: tripulse(TripulseSignalParams(), TripulseArrayParams(), element_carrier_to_noise_db_hz=5.0),
-    "tripulse: weak, interleaved": lambda: tripulse(INTERLEAVED, TripulseArrayParams(), element_carrier_to_noise_db_hz=9.0),
-    "tripulse: lost": lambda: tripulse(TripulseSignalParams(), TripulseArrayParams(), element_carrier_to_noise_db_hz=-20.0),
     "tripulse: attitude": geostationary,
     "tripulse: attitude, interleaved": lambda: geostationary(signal=INTERLEAVED),
     "doa: in turn": lambda: satellite(DoaEstimatorParams(), DoaChainParams()),
@@ -191,15 +129,7 @@ NUMBERS: dict[str, Callable[[], ArrayLike]] = {
     "doa: together, calibrated": lambda: satellite(
         DoaEstimatorParams(), DoaChainParams(place_sigma_m=500.0), RESPONSE, access="together"
     ),
-    "doa: one source": lambda: directions(DoaEstimatorParams()),
-    "doa: two sources": lambda: directions(DoaEstimatorParams(sources=2)),
-    "doa: three sources, calibrated": lambda: directions(DoaEstimatorParams(sources=3), RESPONSE, 12.0),
-    "doa: dead elements, unknown phases": lambda: directions(DoaEstimatorParams(excluded="2,7", phase_sigma_rad=0.05)),
-    "doa: weak": lambda: directions(DoaEstimatorParams(), None, -13.0),
-    "dish": lambda: dish(DishArrayParams(), 54.0),
-    "dish, turned": lambda: dish(DishArrayParams(roll_rad=0.4, axis_cross_elevation_rad=0.1, axis_elevation_rad=-0.07), 44.0),
     "docking: nested": lambda: docking("nested", 2e3, STEADY),
-    "docking: ascending": lambda: docking("ascending", 2e4, ROUGH),
     "docking: simultaneous": lambda: docking("simultaneous", 300.0, ROUGH),
     "docking: near, unknown excitation": lambda: docking("nested", 30.0, STEADY, excitation=(0.7, 1.2)),
     "docking: lost": lambda: docking("nested", 5e3, STEADY, lost=3),

@@ -1,7 +1,6 @@
 """`fetch_elements` and the commands that take an address: what they print, and their exit codes."""
 
 import json
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -10,13 +9,10 @@ from rf_pointing.commands import fetch_elements, plan_passes
 from rf_pointing.ephemeris import fetching
 from rf_pointing.ephemeris.element_files import cache_folder, kept_file
 from rf_pointing.ephemeris.fetching import Outcome, Record
-from test.ephemeris.element_server import FRESH, NOW_S, RULE_S, Source, serving
+from test.ephemeris.conftest import source
+from test.ephemeris.element_server import FRESH, NOW_S, RULE_S, Source
 
-
-@pytest.fixture
-def source() -> Iterator[Source]:
-    with serving() as made:
-        yield made
+__all__ = ["source"]
 
 
 def run(*argv: str) -> int:

@@ -138,12 +138,6 @@ def test_leaves_lists_every_field_below_by_its_edge_name() -> None:
     assert found["inner.pair_deg"] == pytest.approx((math.degrees(0.1), math.degrees(0.2)))
 
 
-def test_a_value_on_the_bound_is_accepted_in_degrees_too() -> None:
-    """Bounds are converted; rounding must not make the bound itself refusable."""
-    for low_deg in (-114.59155902616465, math.degrees(-2.0)):
-        assert with_leaves(Outer(), {"low_deg": low_deg}).low_rad == pytest.approx(-2.0, rel=1e-15)
-
-
 def test_with_leaves_checks_the_set_as_a_whole() -> None:
     """Each end alone would be refused against the other's default; together they fit."""
     moved = with_leaves(Outer(), {"low_deg": 60.0, "high_deg": 80.0})

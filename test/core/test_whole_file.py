@@ -133,17 +133,6 @@ def test_a_state_that_lacks_a_value_is_refused(tmp_path: Path) -> None:
         AntennaMemory(str(path))
 
 
-def test_a_target_comes_back_with_its_offsets_and_another_configuration_goes_before_it(tmp_path: Path) -> None:
-    name, configured = str(tmp_path / "target.json"), SourceParams()
-    told = configured.replace(satellite="6251", along_track_offset_s=0.25, hold=True)
-    TargetMemory(name, configured).keep(told, 0.3, START_S)
-    again = TargetMemory(name, configured)
-    assert (again.source, again.peak_rad, again.hold_t_s) == (told, 0.3, START_S)
-    other = configured.replace(satellite="28350")
-    assert TargetMemory(name, other).source == other
-    assert TargetMemory(name, other).hold_t_s is None
-
-
 DEEP = 100_000
 BOMB = "a: &a [x, x]\n" + "".join(f"{chr(b)}: &{chr(b)} [*{chr(b - 1)}, *{chr(b - 1)}]\n" for b in range(98, 123))
 

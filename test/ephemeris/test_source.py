@@ -220,14 +220,3 @@ def test_what_was_chosen_comes_back_with_its_sets_of_parameters_unless_configure
     assert (again.source, again.peak_rad, again.hold_t_s) == (chosen, 0.4, PASS_T_S)
     other = TargetMemory(name, configured.replace(along_track_offset_s=1.0))
     assert (other.source.satellite, other.peak_rad, other.hold_t_s) == ("28057", 0.0, None)
-
-
-@pytest.mark.parametrize(
-    "spoilt", ['"peak_rad": "high"', '"hold_t_s": []', '"source": {"site": 5}', '"source": {"satellites": "x"}']
-)
-def test_a_memory_of_a_target_that_cannot_be_used_is_refused_by_its_file(spoilt: str, tmp_path: Path) -> None:
-    path, configured = tmp_path / "target.json", SourceParams()
-    TargetMemory(str(path), configured).keep(configured, 0.0, None)
-    path.write_text(path.read_text()[:-1] + f", {spoilt}}}")
-    with pytest.raises(ValueError, match=r"target\.json cannot be|target\.json .*cannot be read"):
-        TargetMemory(str(path), configured)

@@ -243,11 +243,6 @@ def test_a_collector_of_no_experiment_is_refused(arguments: tuple, words: str) -
         SampleCollector(*arguments)
 
 
-def test_without_a_complete_sequence_there_is_no_recording() -> None:
-    with pytest.raises(ValueError, match="no sequence is complete: 9 of 12 samples taken"):
-        filled(skip=(0, 4, 8)).recording()
-
-
 @pytest.mark.parametrize(
     ("sample", "words"),
     [

@@ -1,18 +1,5 @@
-"""Random numbers and the worked example of the interferometer's report, off every symmetric point."""
+"""Random numbers and the worked example of test/array_sensors/interferometer serve here too."""
 
-import numpy as np
-import pytest
+from test.array_sensors.interferometer.conftest import rng, worked_example
 
-from rf_pointing.array_sensors.interferometer.frames import attitude_from_euler, direction_from_angles
-from rf_pointing.core import random_stream
-
-
-@pytest.fixture
-def rng() -> np.random.Generator:
-    return random_stream(7, "interferometer tests")
-
-
-@pytest.fixture
-def worked_example():
-    """Direction (30, 20) deg and attitude (10, -15, 25) deg: off every axis."""
-    return direction_from_angles(*np.radians([30.0, 20.0])), attitude_from_euler(*np.radians([10.0, -15.0, 25.0]))
+__all__ = ["rng", "worked_example"]

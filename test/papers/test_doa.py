@@ -103,12 +103,10 @@ def test_trials_that_lock_wrongly_are_explained_by_outliers_at_the_start_only() 
 
     assert accepted(13, 0.17, 1.02) == [True] * 3
     # More than begin with an outlier; the others worse or better than they claim; none is lost.
-    assert accepted(60, 0.17, 1.02) == [False] * 3
-    assert accepted(13, 0.01, 1.02) == [False] * 3
-    assert accepted(13, 0.17, 3.0) == [False] * 3
-    assert accepted(13, 0.17, 0.1) == [False] * 3
-    assert accepted(0, 0.17, 1.02) == [False] * 3
-    assert accepted(200, 0.17, 1.02) == [False] * 3
+    for lost, outliers, kept_deg in (
+        (60, 0.17, 1.02), (13, 0.01, 1.02), (13, 0.17, 3.0), (13, 0.17, 0.1), (0, 0.17, 1.02), (200, 0.17, 1.02)
+    ):  # fmt: skip
+        assert accepted(lost, outliers, kept_deg) == [False] * 3
 
 
 def test_settling_time_is_the_last_crossing_of_the_running_mean_of_any_trial() -> None:

@@ -43,11 +43,6 @@ def run(*words: str) -> int | str | None:
     return ended.value.code
 
 
-@pytest.mark.parametrize("paper", PAPERS)
-def test_every_paper_has_rows(paper: str) -> None:
-    assert callable(importlib.import_module(f"rf_pointing.papers.{paper}").rows)
-
-
 def test_wrong_values_are_planted_into_the_explained_rows_of_every_paper() -> None:
     papers_planted = " ".join(paper for *_, paper in TABLES.values()).split()
     assert {*papers_planted, *CLOSED_FORMS} == set(PAPERS)

@@ -101,14 +101,10 @@ def test_given_values_reach_the_core_in_radians(make_node: MakeNode) -> None:
     [
         ({"axis.high_deg": 200.0}, ["axis.high_deg", "114.59"]),
         ({"axis.high_deg": math.nan}, ["axis.high_deg", "nan"]),
-        ({"axis.high_deg": math.inf}, ["axis.high_deg", "inf"]),
         ({"axis.open_s": math.nan}, ["axis.open_s", "nan"]),
         ({"axis.high_deg": 1}, ["axis.high_deg", "DOUBLE"]),
-        ({"axis.high_deg": "wide"}, ["axis.high_deg", "DOUBLE"]),
         ({"axis.count": 10}, ["axis.count", "9"]),
-        ({"axis.kind": "c"}, ["axis.kind='c' must be one of a, b"]),
         ({"axis.rates_deg_s": [1.0, math.nan]}, ["axis.rates_deg_s[1]=nan must be finite"]),
-        ({"axis.rates_deg_s": [1.0, 99.0]}, ["axis.rates_deg_s[1]=99.0 must be <= 57.29"]),
         ({"axis.low_deg": 60.0}, ["axis.low_rad=1.047", "must be < high_rad=0.5"]),
     ],
 )

@@ -18,13 +18,7 @@ from rf_pointing.array_sensors.attitude.quaternion import (
 )
 from rf_pointing.array_sensors.report.page import array_errors, report_array_sensors, write_array_report
 from rf_pointing.array_sensors.report.pictures import draw_attitude, draw_pose
-from rf_pointing.array_sensors.report.series import (
-    ArraySeries,
-    array_sensors,
-    hand_offs,
-    read_attitude_series,
-    read_pose_series,
-)
+from rf_pointing.array_sensors.report.series import ArraySeries, hand_offs, read_attitude_series, read_pose_series
 from rf_pointing.commands.report import main as report_main
 from rf_pointing.report.bag_writer import BagWriter
 from rf_pointing.report.definitions import Definitions
@@ -161,22 +155,10 @@ def test_picture_shows_truth_estimate_and_error(kind: str, request: pytest.Fixtu
 
 def test_picture_of_a_run_that_never_became_valid_is_drawn(attitude_bag: Path, tmp_path: Path) -> None:
     found = read_attitude_series(attitude_bag, "/sat")
-    never = ArraySeries(
-        t_s=found.t_s,
-        true_position_m=None,
-        position_m=None,
-        true_quaternion=found.true_quaternion,
-        quaternion=found.quaternion,
-        covariance=found.covariance,
-        valid=np.zeros(len(found.t_s), dtype=np.bool_),
-    )
+    never = replace(found, valid=np.zeros(len(found.t_s), dtype=np.bool_))
     path = tmp_path / "picture.png"
     draw_attitude(never, path, "Title")
     assert holds_colour(path, "8a8a8a")
-
-
-def test_sensors_of_a_bag_are_known_by_their_truth(attitude_bag: Path) -> None:
-    assert array_sensors(attitude_bag) == {"/sat": "attitude"}
 
 
 def test_report_counts_reasons_and_marks_the_hand_off(attitude_bag: Path, tmp_path: Path) -> None:

@@ -15,8 +15,8 @@ from rf_pointing.papers.doa_study.accuracy import (
     draw_convergence,
     threshold,
 )
-from rf_pointing.papers.doa_study.attitude_runs import CaseResult
 from rf_pointing.papers.doa_study.directions import DirectionCase
+from test.papers.doa_study.test_recorded_study import planted as a_result
 
 PNG = b"\x89PNG"
 
@@ -57,35 +57,7 @@ def test_measured_curve_has_its_threshold_between_minus_11_and_minus_8_decibel()
 
 
 def test_accuracy_and_convergence_become_pictures(tmp_path: Path) -> None:
-    points = [
-        AccuracyPoint(
-            snr_db=snr_db,
-            effective_snr=100.0,
-            theta_deg=1.0,
-            phi_deg=1.2,
-            theta_bound_deg=0.9,
-            phi_bound_deg=1.1,
-            grid_theta_deg=1.1,
-            grid_phi_deg=1.3,
-            outliers=0.01,
-        )
-        for snr_db in (-10.0, 0.0)
-    ]
-    draw_accuracy(points, 100, tmp_path / "accuracy.png")
-    case = DirectionCase(snapshots=100, snr_db=0.0)
-    history = np.geomspace(50.0, 0.1, 40, dtype=np.float32)[:, None]
-    result = CaseResult(
-        case=case,
-        theta_deg=1.0,
-        phi_deg=1.0,
-        roll_deg=0.1,
-        pitch_deg=0.1,
-        yaw_deg=0.1,
-        sigma_deg=0.1,
-        outliers=0.0,
-        history_deg=history,
-        rate_history_deg_s=history,
-    )
-    draw_convergence([result], tmp_path / "convergence.png")
+    draw_accuracy(planted({-10.0: 1.2, 0.0: 1.0}), 100, tmp_path / "accuracy.png")
+    draw_convergence([a_result(DirectionCase(snapshots=100, snr_db=0.0), 1.0)], tmp_path / "convergence.png")
     for name in ("accuracy.png", "convergence.png"):
         assert (tmp_path / name).read_bytes().startswith(PNG)
