@@ -280,7 +280,7 @@ def require_known(node: str, names: Iterable[str]) -> None:
     if node not in (*NODES, "**"):
         raise ValueError(f"{node} is not a node of a station{nearest(node, NODES)}")
     known = {name for each in (NODES if node == "**" else [node]) for name in reference(each).every_name}
-    known.update(OF_EVERY_NODE)
+    known.update(OF_EVERY_NODE, ["lifecycle.standby"] * (node in ("pointing_controller", "**")))
     for name in names:
         if name not in known and not name.startswith("qos_overrides."):
             raise ValueError(f"{node}: no such parameter {name}{nearest(name, known)}")
