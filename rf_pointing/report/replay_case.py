@@ -26,13 +26,8 @@ from rf_pointing.station.derive.nodes import NODES
 from rf_pointing.station.description import StationDescription, read_station, shipped_stations
 from rf_pointing.station.description.description import OF_EVERY_NODE
 
-NOT_OF_THE_PASS = (
-    *OF_EVERY_NODE,
-    "lifecycle.standby",
-    "command_key_file",
-    "certificate_folder",
-    "publisher.learned_file",
-)
+_OF_A_NODE = "lifecycle.standby", "command_key_file", "certificate_folder", "publisher.learned_file"
+NOT_OF_THE_PASS = (*OF_EVERY_NODE, *_OF_A_NODE)
 SAME_TARGET_RAD, SLOW_S = 1e-9, 10.0
 Changes = Mapping[str, Mapping[str, object]]
 
