@@ -23,7 +23,7 @@ from test.scripts import script_module
 
 from .conftest import executable, live_graph
 
-pytestmark = pytest.mark.graph
+pytestmark = [pytest.mark.graph, pytest.mark.alone]
 
 STATION = "leo_3m7"
 NODES = ("antenna_servo", "rf_receiver", "ephemeris_publisher", "conscan_tracker", "bias_calibrator")

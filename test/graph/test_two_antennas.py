@@ -11,7 +11,7 @@ rclpy = pytest.importorskip("rclpy", reason="the graph needs ROS 2")
 from test.conftest import within
 from test.scripts import script_module
 
-pytestmark = pytest.mark.graph
+pytestmark = [pytest.mark.graph, pytest.mark.alone]
 WARNED_S, SILENT_S = 2.0, 10.0
 """Longest gap in which nobody receives, or transmits: where the antenna says that it fails, and where it cannot."""
 LEGS = {"fault": WARNED_S, "drive": WARNED_S, "cut": SILENT_S, "executive": SILENT_S}
