@@ -418,8 +418,10 @@ class _Problem:
         nearest = np.hypot(
             values[X] - taken.cross_elevation_rad, values[Y] - taken.elevation_rad
         ).min()
+        across, up = taken.cross_elevation_rad, taken.elevation_rad
+        inside = across.min() <= values[X] <= across.max() and up.min() <= values[Y] <= up.max()
         # Between two rows of a nine-point scan nothing is nearer than half a spacing.
-        if nearest > 0.75 * width + params.radius_rad:
+        if nearest > (0.75 if inside else 0.5) * width + params.radius_rad:
             raise ValueError(
                 f"the target lies {math.degrees(nearest):.3f} deg outside of the scan: "
                 "scan wider, or from there"
