@@ -22,8 +22,8 @@ BASE, AZIMUTH, ELEVATION, BEAM = FRAMES = ("base_link", "azimuth_link", "elevati
 """Frames of an antenna, each the child of the one before; a namespace goes before them."""
 DESIGNATED = "designated"
 """First word of the name of a target that reports lead to; the rest names it in them."""
-STANDBY = "_standby"
-"""End of the name of the second of two controllers (`station/pointing/succession.py`)."""
+STANDBY, STANDBY_ROLE = "_standby", "lifecycle.standby"
+"""End of the name of the second of two controllers, and the parameter that makes it that."""
 # Time that a `TimeBuffer` keeps.
 KEPT_S = 2.0
 LONGEST_GAP_S = 0.5

@@ -35,6 +35,8 @@ SHAPES = {"fixed": 0, "width": 1, "axes": 2, "ellipse": 3}
 WIDTH_SNR, ELLIPSE_SNR = 20.0, 60.0
 # Sigma of width over beamwidth and of e1, e2 up to which they are fitted.
 WELL = 0.03
+HELD_SIGMA = 0.05
+"""Standard deviation of a width and of ellipticities that a scan leaves open, as shares."""
 # Fitted over expected width beyond which it is not this antenna's beam.
 WIDEST, NARROWEST = 1.6, 0.6
 FEWEST = 12
@@ -320,28 +322,22 @@ class _Problem:
         information = found.jac.T @ found.jac
         names = [NAMES[index].replace("_", "-") for index in free]
         covariance = np.zeros((9, 9))
-        covariance[np.ix_(free, free)] = _inverse(information, names) * np.outer(units, units)
-        return (
-            values,
-            covariance,
-            np.asarray((self.samples.power - self.model(values)) / self.sigma(values)),
-        )
+        inverse = _inverse(information, names)
+        covariance[np.ix_(free, free)] = inverse * np.outer(units, units)
+        residual = np.asarray((self.samples.power - self.model(values)) / self.sigma(values))
+        for index in sorted({WIDTH, E1, E2} - set(free)):
+            # What is held is not known: its part of the offset is considered.
+            moved = values.copy()
+            moved[index] += HELD_SIGMA * self._units()[index]
+            change = ((self.model(moved) - self.model(values)) / self.sigma(values))[used]
+            part = (inverse @ found.jac[: len(change)].T @ change * units)[:2]
+            covariance[:2, :2] += np.outer(part, part)
+        return values, covariance, residual
 
     def _units(self) -> Array:
         width, span_s = self._beamwidth, max(float(np.ptp(self._since_s)), 1e-3)
-        return np.array(
-            [
-                width,
-                width,
-                width,
-                1.0,
-                1.0,
-                self._scale,
-                self._scale,
-                self._scale / span_s,
-                self._scale / width,
-            ]
-        )
+        scale = self._scale
+        return np.array([width] * 3 + [1.0, 1.0, scale, scale, scale / span_s, scale / width])
 
     def outlying(
         self, values: Array, residual: Array, used: NDArray[np.bool_]

@@ -11,6 +11,7 @@ import numpy as np
 from rf_pointing.calibration import BiasModel
 from rf_pointing.core import AXES, MDEG, sky_offset_rad
 from rf_pointing.core.parameters import read_parameter_files, to_degrees
+from rf_pointing.core.signals import STANDBY_ROLE
 from rf_pointing.core.types import Array
 from rf_pointing.drives import takes_positions
 from rf_pointing.ephemeris import TopocentricTrack
@@ -26,7 +27,7 @@ from rf_pointing.station.derive.nodes import NODES
 from rf_pointing.station.description import StationDescription, read_station, shipped_stations
 from rf_pointing.station.description.description import OF_EVERY_NODE
 
-_OF_A_NODE = "lifecycle.standby", "command_key_file", "certificate_folder", "publisher.learned_file"
+_OF_A_NODE = STANDBY_ROLE, "command_key_file", "certificate_folder", "publisher.learned_file"
 NOT_OF_THE_PASS = (*OF_EVERY_NODE, *_OF_A_NODE)
 SAME_TARGET_RAD, SLOW_S = 1e-9, 10.0
 Changes = Mapping[str, Mapping[str, object]]

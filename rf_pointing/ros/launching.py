@@ -16,7 +16,7 @@ import yaml
 from ament_index_python.packages import PackageNotFoundError, get_package_prefix, get_package_share_directory
 
 from rf_pointing.core import Sensor
-from rf_pointing.core.signals import STANDBY
+from rf_pointing.core.signals import STANDBY, STANDBY_ROLE
 from rf_pointing.ros.graph import (
     ALARMS,
     ARRAY_NODES,
@@ -38,7 +38,7 @@ from rf_pointing.station.description.urdf import urdf
 from rf_pointing.station.pointing.succession import FIRST, SECOND
 
 PACKAGE = "rf_pointing"
-CONTROLLER, ROLE = "pointing_controller", "lifecycle.standby"
+CONTROLLER = "pointing_controller"
 NOTHING = "none"
 """Word for an empty value, which `ros2 launch` does not take."""
 SEVERAL = "station_process"
@@ -101,7 +101,7 @@ class Process:
     @property
     def name(self) -> str:
         """Name of the process: that of its first node, below its namespace, of two its own."""
-        return self.nodes[0] + (STANDBY if self.values(self.nodes[0]).get(ROLE) == SECOND else "")
+        return self.nodes[0] + (STANDBY if self.values(self.nodes[0]).get(STANDBY_ROLE) == SECOND else "")
 
     def values(self, node: str) -> dict[str, Any]:
         """Return the parameters of a node, but for those of files."""
@@ -283,11 +283,11 @@ def _station_processes(
             ros_arguments=enclave(space, room[0]) if alone else (),
         )
 
-    second = [process((CONTROLLER,), **{ROLE: SECOND})] if values["standby"] in ("here", "only") else []
+    second = [process((CONTROLLER,), **{STANDBY_ROLE: SECOND})] if values["standby"] in ("here", "only") else []
     if values["standby"] == "only":
         return second
     if values["standby"]:
-        given[CONTROLLER][ROLE] = FIRST
+        given[CONTROLLER][STANDBY_ROLE] = FIRST
     return [*map(process, partition(names, values["processes"])), *second, *shown]
 
 

@@ -30,6 +30,8 @@ def test_planted_beams_come_back_within_their_sigmas(pattern, offset, widened, e
         )
         for bandwidth_hz in (1e6, 1e20)
     )  # fmt: skip
+    usual = fit_scan(taken, KNOWN.replace(radius_rad=radius * S_BAND_RAD))
+    assert (np.abs(np.subtract(usual.offset_rad, planted)) < SIGMAS * np.array(usual.sigma_rad)).all()
     fit = fit_scan(taken, KNOWN.replace(radius_rad=radius * S_BAND_RAD, shape="ellipse"))
     truth = [*planted, widened * S_BAND_RAD, *ellipse, 300.0]
     sigma = np.sqrt(np.diagonal(fit.covariance))[:6]

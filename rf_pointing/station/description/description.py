@@ -12,6 +12,7 @@ from rf_pointing.core.derived import Value
 from rf_pointing.core.modes import Sensor
 from rf_pointing.core.mount_types import AZIMUTH_ELEVATION
 from rf_pointing.core.parameters import flat, leaves
+from rf_pointing.core.signals import STANDBY_ROLE
 from rf_pointing.core.whole_file import read_whole
 from rf_pointing.station.derive.band import Band, Derived, site_of
 from rf_pointing.station.derive.nodes import NODES, reference
@@ -280,7 +281,7 @@ def require_known(node: str, names: Iterable[str]) -> None:
     if node not in (*NODES, "**"):
         raise ValueError(f"{node} is not a node of a station{nearest(node, NODES)}")
     known = {name for each in (NODES if node == "**" else [node]) for name in reference(each).every_name}
-    known.update(OF_EVERY_NODE, ["lifecycle.standby"] * (node in ("pointing_controller", "**")))
+    known.update(OF_EVERY_NODE, [STANDBY_ROLE] * (node in ("pointing_controller", "**")))
     for name in names:
         if name not in known and not name.startswith("qos_overrides."):
             raise ValueError(f"{node}: no such parameter {name}{nearest(name, known)}")
