@@ -124,8 +124,9 @@ class RadioRefraction(Params):
         """
         require_finite("elevation_rad", elevation_rad)
         plain = isinstance(elevation_rad, float)
-        # The bending of the true elevation is a first guess good to a few percent of itself.
-        apparent = elevation_rad + self._bending(elevation_rad)[0]
+        # A step of Newton from the true elevation: it misses by the curvature alone.
+        guess, slope, _ = self._bending(elevation_rad)
+        apparent = elevation_rad + guess / (1.0 - slope)
         low, high = elevation_rad - self._reach_rad, elevation_rad + self._reach_rad
         longest: Any = math.inf
         for _ in range(_MAX_ITERATIONS):

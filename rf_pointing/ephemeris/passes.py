@@ -16,7 +16,7 @@ from rf_pointing.core.dates import utc_text
 from rf_pointing.core.types import Array, BoolArray
 from rf_pointing.ephemeris.elements import Elements
 from rf_pointing.ephemeris.look_angles import angles_and_rates
-from rf_pointing.ephemeris.state_vector import StateVector, rows_of
+from rf_pointing.ephemeris.state_vector import StateVector, norm, rows_of
 from rf_pointing.ephemeris.stays import Horizon, SkyMotion, Stays, height_of, mask_of, parts_above, stays_above
 from rf_pointing.ephemeris.track import TopocentricTrack
 
@@ -267,11 +267,16 @@ def _exact(
             late_s[::2] = np.where(free, (height - sine) / np.where(rate == 0.0, 1e-30, rate), 0.0)[::2]
         moved = times - np.minimum(np.maximum(late_s, -_STEP_S), _STEP_S)
         moved[0], moved[2] = np.minimum(moved[0], moved[1]), np.maximum(moved[1], moved[2])
-        late_s, times = times - moved, moved
-        if np.all(np.abs(late_s) < _LATEST_S):
+        on_s, times = moved - times, moved
+        if np.all(np.abs(on_s) < _LATEST_S):
             break
-    seen, range_m = _seen(track, times.ravel())
-    return times, [part.reshape(3, *times.shape) for part in seen], range_m.reshape(times.shape)[1]
+    else:
+        seen, range_m, on_s = *_seen(track, times.ravel()), np.zeros(times.shape)
+    # The last step is so short that the motion is carried along it.
+    position, velocity, acceleration = (part.reshape(3, *times.shape) for part in seen)
+    exact = [position + on_s * (velocity + 0.5 * on_s * acceleration), velocity + on_s * acceleration, acceleration]
+    farther_m = norm(exact[0][:, 1]) - norm(position[:, 1])
+    return times, exact, range_m.reshape(times.shape)[1] + farther_m
 
 
 def _largest(times: Array, value: Array, slope: Array) -> Array:
