@@ -281,14 +281,13 @@ def vendor(table: Table, folder: Path, _given: argparse.Namespace) -> None:
     try:
         run("check_drive --move", executable("check_drive"), *named, "--move")
         launched()
-        _, said = run(
+        run(
             "identify_antenna --quick, both axes", executable("identify_antenna"), *named, "--quick",
             "--output", str(folder / "identified"), patience_s=900.0,
         )  # fmt: skip
-        block = said[said.rfind("tuning:") :]
         run("tune", executable("tune"), str(folder / "identified" / "models.json"), "--station", str(station))
         run("stop", launch, "stop")
-        station.write_text(station.read_text() + block)
+        station.write_text(station.read_text() + (folder / "runs" / "tuning" / "loops.yaml").read_text())
         run("check_station with the pasted block", executable("check_station"), str(station))
         # Overhead as seen from 3 deg farther east: at its rates the mount cannot follow through the zenith.
         site = read_station(station).site
