@@ -11,6 +11,7 @@ from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
+from scipy.special import stdtrit
 
 from rf_pointing import calibration
 from rf_pointing.calibration import (
@@ -52,7 +53,7 @@ MAYBE_WRONG = 4.0
 FEW_SETS = 1.25
 # Elements are three times worse than they should be in one of 400 sets.
 AGE_FACTOR = 3.0
-FEWEST_FOR_SIZES = 8
+FEWEST_FOR_SIZES, FEWEST_SATELLITES = 8, 5
 # Causes whose size is that of a fit next to them.
 MEASURED = frozenset({"clock", "site"})
 # A site that moves by less than this is where the fit has it.
@@ -495,7 +496,14 @@ class OfflineFit:
                 f"the orbit errors are measured from {result.passes} passes, which know their size to "
                 f"{100.0 / np.sqrt(2.0 * result.passes):.0f} %: sigma may be too small by as much"
             )
-        if len(self._sets) > 1 and len(set(self._sets.values())) == 1 and self._data.points is None:
+        satellites = len(set(self._sets.values()))
+        if result.shared is not None and satellites < FEWEST_SATELLITES:
+            beyond = stdtrit(satellites - 1, 0.995) / (1.0 + FEW_SETS / (satellites - 1))
+            warnings.append(
+                f"the orbit errors that passes of one satellite share are measured from {satellites} satellites: 1 % of "
+                f"the lags are more than {beyond:.1f} sigma off; track others too"
+            )
+        if len(self._sets) > 1 and satellites == 1 and self._data.points is None:
             # A late satellite is a lag; without lags it moves the offsets by a few sigma.
             taken = "lags" if any(name.endswith("_lag") for name in result.names) else "terms"
             warnings.append(

@@ -180,6 +180,15 @@ def test_orbit_errors_beyond_those_of_young_elements_are_doubtful() -> None:
     )
 
 
+def test_the_number_of_satellites_is_said_where_it_makes_sigma_less_than_normal() -> None:
+    for satellites, beyond in ((1, "carries the fit"), (2, "2 satellites: 1 % of the lags are more than 28.3 sigma")):
+        named = [
+            dataclasses.replace(one, raw=dataclasses.replace(one.raw, target=f"SAT {number % satellites}"))
+            for number, one in enumerate(passes())
+        ]  # fmt: skip
+        assert any(beyond in one for one in fit(FitData(None, named), terms=OFFSETS, elements=[]).warnings)
+
+
 def test_data_of_another_station_or_band_are_refused_and_so_are_empty_sectors() -> None:
     for name, other in (("station", "gs2"), ("band", "Ka")):
         with pytest.raises(ValueError, match=f"the data are of {name} .*, must be of '{other}'"):
