@@ -272,8 +272,11 @@ class _Problem:
 
     def solve(self, start: Array, used: NDArray[np.bool_]) -> tuple[Array, Array, Array, str]:
         """Return values, covariance and all residuals of the fit to the used samples, its shape."""
-        if self.params.shape != "auto":
-            return *self._solved(start, used, self.params.shape), self.params.shape
+        if (given := self.params.shape) != "auto":
+            found = self._solved(start, used, given)
+            if not self._well(found[1]):
+                raise ValueError(f"shape={given} is not determined by this scan, must be auto or a simpler one")
+            return *found, given
         found = self._solved(start, used, "fixed")
         snr = found[0][LEVEL] / math.sqrt(found[1][LEVEL, LEVEL])
         if self._across is not None or snr < WIDTH_SNR:
@@ -284,11 +287,14 @@ class _Problem:
             except ValueError:
                 # Too few places for this shape.
                 continue
-            # What is hardly determined takes the offset with it.
-            sigma = np.sqrt(np.diagonal(finer[1]))
-            if sigma[WIDTH] < WELL * self._beamwidth and max(sigma[E1], sigma[E2]) < WELL:
+            if self._well(finer[1]):
                 return *finer, shape
         return *found, "fixed"
+
+    def _well(self, covariance: Array) -> bool:
+        """Return whether width and ellipticities are known: what hardly is takes the offset with it."""
+        sigma = np.sqrt(np.diagonal(covariance))
+        return bool(max(sigma[WIDTH] / self._beamwidth, sigma[E1], sigma[E2]) < WELL)
 
     def _solved(
         self, start: Array, used: NDArray[np.bool_], shape: str
