@@ -275,7 +275,9 @@ class _Problem:
         if (given := self.params.shape) != "auto":
             found = self._solved(start, used, given)
             if not self._well(found[1]):
-                raise ValueError(f"shape={given} is not determined by this scan, must be auto or a simpler one")
+                raise ValueError(
+                    f"shape={given} is not determined by this scan, must be auto or a simpler one"
+                )
             return *found, given
         found = self._solved(start, used, "fixed")
         snr = found[0][LEVEL] / math.sqrt(found[1][LEVEL, LEVEL])

@@ -11,19 +11,20 @@ from rf_pointing.ros.stamps import seconds_from_stamp, stamp_from_seconds
 
 
 def manual_rate_to_message(
-    t_s: float, axis: str, sample: int, rate_rad_s: Array, position_rad: Array
+    t_s: float, axis: str, sample: int, rate_rad_s: Array, position_rad: Array, age_s: float
 ) -> ours.ManualRate:
-    message = ours.ManualRate(axis=axis, sample=sample)
+    message = ours.ManualRate(axis=axis, sample=sample, position_age=age_s)
     message.rate, message.position = rate_rad_s, position_rad
     message.header.stamp = stamp_from_seconds(t_s)
     return message
 
 
-def manual_rate_from_message(message: ours.ManualRate) -> tuple[float, str, int, Array, Array]:
-    """Return time, axis, number of the sample, rate command (2,) and encoder angles (2,)."""
+def manual_rate_from_message(message: ours.ManualRate) -> tuple[float, str, int, Array, Array, float]:
+    """Return time, axis, number of the sample, rate command (2,), encoder angles (2,) and their age."""
     rate = as_finite_array("rate", message.rate, (2,))
     t_s = seconds_from_stamp(message.header.stamp)
-    return t_s, message.axis, int(message.sample), rate, as_finite_array("position", message.position, (2,))
+    position = as_finite_array("position", message.position, (2,))
+    return t_s, message.axis, int(message.sample), rate, position, message.position_age
 
 
 # The control period is the antenna's own, not the client's to choose.

@@ -41,8 +41,9 @@ class IdentificationServer:
             return
         if experiment.samples_taken > self._published:
             self._published = experiment.samples_taken
-            rate, position = experiment.newest
-            self._samples.publish(convert.manual_rate_to_message(t_s, self._axis, self._published - 1, rate, position))
+            rate, position, age_s = experiment.newest
+            number = self._published - 1
+            self._samples.publish(convert.manual_rate_to_message(t_s, self._axis, number, rate, position, age_s))
             if self._published % FEEDBACK_EVERY == 0:
                 where = float(position[AXES.index(self._axis)])
                 self._goal.report(Identify.Feedback(progress=experiment.progress, position=where))

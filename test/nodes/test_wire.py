@@ -186,9 +186,9 @@ def test_antenna_status() -> None:
 def test_an_experiment_and_its_samples() -> None:
     says(
         convert_identification.manual_rate_to_message(
-            T_S, "elevation", 7, np.array([1e-4, 2e-4]), np.array([1.0, 0.5])
+            T_S, "elevation", 7, np.array([1e-4, 2e-4]), np.array([1.0, 0.5]), 0.013
         ),
-        axis="elevation", sample=7, rate=[1e-4, 2e-4], position=[1.0, 0.5],
+        axis="elevation", sample=7, rate=[1e-4, 2e-4], position=[1.0, 0.5], position_age=0.013,
     )  # fmt: skip
     params = ExcitationParams(
         kind="multisine", samples=512, sample_s=0.05, mean_rad_s=1e-3, rms_rad_s=5e-4, peak_rad_s=3e-3,

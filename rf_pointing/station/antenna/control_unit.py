@@ -599,7 +599,7 @@ class ControlUnit:
         # The experiment is guarded at the measured rate: its command is noise around a mean.
         barred = self.safety.guard("manual", t_s, pair(encoder_rad), pair(self.axes.hardware.velocity_rad_s))
         if not experiment.finished and not barred:
-            rates = experiment.command(encoder_rad)
+            rates = experiment.command(encoder_rad, self.axes.hardware.lag_s)
             if not experiment.abort_reason:
                 return rates
         self._end_experiment(experiment.abort_reason or barred or "complete")

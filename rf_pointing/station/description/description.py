@@ -34,7 +34,7 @@ OF_EVERY_NODE = (
 KNOWS_EVERY_MOUNT = frozenset({"check_station", "plan_passes"})
 """Commands that know axes by their mount."""
 FLIES_OTHER_MOUNTS = frozenset({
-    "simulate", "track", "calibrate", "plan_calibration", "fit_bias_model", "a fit of the bias model",
+    "simulate", "replay", "track", "calibrate", "plan_calibration", "fit_bias_model", "a fit of the bias model",
     "antenna_servo", "rf_receiver", "signal_source", "signal_receiver", *(each.node for each in SENSORS.values()),
     "bias_calibrator", "ephemeris_publisher", "pointing_controller", "station_description", "rotctld_server",
     "operator_page", "simulation_clock", "station_alarms", "radio_control",
