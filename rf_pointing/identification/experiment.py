@@ -150,7 +150,7 @@ class IdentificationExperiment:
 
     @property
     def newest(self) -> tuple[Array, Array, float]:
-        """The latest rate command (2,), the encoder angles (2,) it was given at, and their age in s.
+        """The latest rate command (2,), the encoder angles (2,) at it, and their age in s.
 
         Raises ValueError before the first command.
         """
@@ -177,7 +177,7 @@ class IdentificationExperiment:
             self.abort_reason = reason
 
     def command(self, encoder_rad: ArrayLike, age_s: float = 0.0) -> Array:
-        """Take the encoder angles (2,), so old, and return the rate command (2,) until the next sample."""
+        """Take encoder angles (2,) of that age; return the rate command (2,) until the next."""
         encoder = as_finite_array("encoder_rad", encoder_rad, (2,))
         # The predicted travel is that of a perfect antenna: wind or a slipping drive may leave it.
         if not self._low <= encoder[self._axis] <= self._high:

@@ -294,7 +294,7 @@ class _Problem:
         return *found, "fixed"
 
     def _well(self, covariance: Array) -> bool:
-        """Return whether width and ellipticities are known: what hardly is takes the offset with it."""
+        """Return whether the shape is known: what hardly is takes the offset with it."""
         sigma = np.sqrt(np.diagonal(covariance))
         return bool(max(sigma[WIDTH] / self._beamwidth, sigma[E1], sigma[E2]) < WELL)
 

@@ -20,7 +20,7 @@ def manual_rate_to_message(
 
 
 def manual_rate_from_message(message: ours.ManualRate) -> tuple[float, str, int, Array, Array, float]:
-    """Return time, axis, number of the sample, rate command (2,), encoder angles (2,) and their age."""
+    """Return time, axis, number of the sample, rate command and angles (2,), their age."""
     rate = as_finite_array("rate", message.rate, (2,))
     t_s = seconds_from_stamp(message.header.stamp)
     position = as_finite_array("position", message.position, (2,))
