@@ -53,7 +53,7 @@ MAYBE_WRONG = 4.0
 FEW_SETS = 1.25
 # Elements are three times worse than they should be in one of 400 sets.
 AGE_FACTOR = 3.0
-FEWEST_FOR_SIZES, FEWEST_SATELLITES = 8, 5
+FEWEST_FOR_SIZES, FEWEST_SATELLITES = 8, 4
 # Causes whose size is that of a fit next to them.
 MEASURED = frozenset({"clock", "site"})
 # A site that moves by less than this is where the fit has it.
