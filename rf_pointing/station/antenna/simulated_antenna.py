@@ -63,7 +63,7 @@ class AntennaParams(Params):
     second_stage: SecondStageParams = parameter(SecondStageParams(), "fast actuator before the mount")
 
     def stage_design(self) -> StageDesign:
-        """Return what the second stage does on this antenna; ValueError where it has no such loop."""
+        """Return what the second stage does here; ValueError where the device closes the loop."""
         tick_s = self.antenna.tick_s
         laws = AxisLoops(self.loops, self.plant, tick_s).in_force
         return design_stage(self.second_stage, self.plant, laws, self.wind, tick_s)

@@ -367,7 +367,7 @@ class SimulatedWindSection:
 
 @dataclass(frozen=True, kw_only=True)
 class SecondStageSection:
-    """A steering mirror, subreflector, hexapod or feed table that moves the beam before the mount."""
+    """A steering mirror, subreflector, hexapod or feed table that moves the beam."""
 
     travel_deg: float = parameter(description="largest deflection of the beam on the sky, each way", low=1e-5, high=5.0)
     rate_deg_s: float = parameter(1.0, "largest rate of the deflection", low=1e-4, high=500.0)
