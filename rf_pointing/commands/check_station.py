@@ -11,7 +11,7 @@ import sys
 from collections.abc import Iterable
 
 from rf_pointing.commands.options import ending_with_reason
-from rf_pointing.core import parameter_unit
+from rf_pointing.core import MDEG, parameter_unit
 from rf_pointing.core.derived import Value
 from rf_pointing.station.derive.band import Band
 from rf_pointing.station.derive.nodes import described_parameters
@@ -71,10 +71,29 @@ def report(station: StationDescription, band: str, everything: bool) -> Iterable
             shown.add(title)
             users = f"  -> {', '.join(nodes.get(name, ()))}" if everything else ""
             yield f"  {_shown(title, given):<{WIDE}} {_reason(given)}{users}"
+    if station.content.second_stage is not None:
+        yield "\nsecond stage:"
+        yield from (f"  {line}" for line in _second_stage(station, band))
     found = list(remarks(station, band))
     if found:
         yield "\nto know:"
         yield from (f"  {remark}" for remark in found)
+
+
+def _second_stage(station: StationDescription, band: str) -> Iterable[str]:
+    """Yield its error in wind and its margins; ValueError for one that is refused."""
+    # Imported here: it takes the whole antenna, which most stations are checked without.
+    from rf_pointing.station.antenna.simulated_antenna import AntennaParams
+    from rf_pointing.station.antenna.stage_design import DESIGN_WIND_M_S
+
+    design = AntennaParams(**station.sets("antenna_servo", band)).stage_design()
+    design.require_useful()
+    yield f"{'wind of ' + format(DESIGN_WIND_M_S, 'g') + ' m/s':<12} alone mdeg   with it    x  modes off 10 %  radio |S|"
+    for axis in design.axes:
+        yield (
+            f"{axis.name:<12} {axis.before_rad / MDEG:10.3f} {axis.after_rad / MDEG:9.3f} "
+            f"{axis.before_rad / axis.after_rad:4.1f} {axis.worst_gain:15.1f} {axis.radio_peak:10.2f}"
+        )
 
 
 def _shown(name: str, given: Value) -> str:

@@ -35,6 +35,8 @@ DESIGN_WIND_M_S = 12.0
 OFF = tuple(Variation(modes, share) for modes in (0.9, 0.95, 1.0, 1.05, 1.1) for share in (0.7, 1.0, 1.3))
 LEAST_GAIN = 1.25
 """Times by which a stage has to lower the wind's error, on the worst of these antennas."""
+LEAST_TRAVEL = 3.0
+"""Times the rms of its command in that wind that a stage has to reach."""
 DRAG = 0.005
 MEAN_OF, CLUSTER, WAIT_S = 5, 5, 0.2
 """The radio loop of the station: mean of five errors of five samples, 0.2 s to the command."""
@@ -44,7 +46,7 @@ MEAN_OF, CLUSTER, WAIT_S = 5, 5, 0.2
 class StageAxis:
     """One direction: its taps (n,), rms beam error in wind without and with the stage, margins.
 
-    `worst_gain` is the smallest ratio of these errors over the antennas that differ; `radio_peak`
+    `command_rad` is the rms of what is commanded in the wind of the design.  `worst_gain` is the smallest ratio of these errors over the antennas that differ; `radio_peak`
     the peak of the radio loop's sensitivity at `radio_hz`, infinite where it is unstable.
     """
 
@@ -52,6 +54,7 @@ class StageAxis:
     taps: Array
     before_rad: float
     after_rad: float
+    command_rad: float
     worst_gain: float
     radio_peak: float
     radio_hz: float
@@ -88,6 +91,12 @@ class StageDesign:
                     f"{given}: {axis.name}: the error in wind is {axis.worst_gain:.2f} times smaller with the modes "
                     f"10 % off, must be >= {LEAST_GAIN:g}"
                 )
+            if self.params.travel_rad < LEAST_TRAVEL * axis.command_rad:
+                raise ValueError(
+                    f"second_stage.travel_deg={math.degrees(self.params.travel_rad):.4g}: {axis.name}: a stage of "
+                    f"bandwidth_hz={self.params.bandwidth_hz:g} and latency_s={self.params.latency_s:g} needs >= "
+                    f"{math.degrees(LEAST_TRAVEL * axis.command_rad):.4g} deg in wind of {DESIGN_WIND_M_S:g} m/s"
+                )
             if axis.radio_peak > MOST_SENSITIVE:
                 raise ValueError(
                     f"{given}: {axis.name}: the tracking loop of {self.params.radio_bandwidth_hz:g} Hz has a sensitivity "
@@ -108,9 +117,9 @@ def design_stage(
         judged = [each.errors_rad(taps, gusts[0][axis], wind_m_s) for each in antennas]
         known = OFF.index(AS_KNOWN)
         margins = antennas[known].radio_loop(taps)
-        axes.append(
-            StageAxis(AXES[axis], taps, *judged[known], min(before / after for before, after in judged), *margins)
-        )
+        command_rad = antennas[known].command_rad(taps, gusts[1][axis])
+        worst = min(before / after for before, after in judged)
+        axes.append(StageAxis(AXES[axis], taps, *judged[known], command_rad, worst, *margins))
     return StageDesign(params, (axes[0], axes[1]))
 
 
@@ -135,7 +144,8 @@ class _Antenna:
         self._moved = (gain + fed) * self._sensitivity * encoder, (gain + fed) * self._sensitivity * beam
         stage = np.exp(-s * params.latency_s) / (1.0 + s / (2.0 * math.pi * params.bandwidth_hz))
         hold = (1.0 - 1.0 / z) / (s * tick_s)
-        self._taps: ComplexArray = (stage * hold)[:, None] * z[:, None] ** -np.arange(TAPS)
+        self._late: ComplexArray = z[:, None] ** -np.arange(TAPS)
+        self._taps: ComplexArray = (stage * hold)[:, None] * self._late
         step_rad = 2.0 * math.pi / 2**own.encoder_bits
         # White, one-sided, up to half the sampling rate; the steps as their own noise.
         self._noise = 2.0 * tick_s * (own.encoder_noise_rad**2 + step_rad**2 / 12.0)
@@ -160,6 +170,11 @@ class _Antenna:
         left = np.sum(weights * np.abs(self._beam - stage * self._residual) ** 2)
         noise = self._noise * np.sum(np.gradient(self._hz) * np.abs(stage) ** 2)
         return math.sqrt(np.sum(weights * np.abs(self._beam) ** 2)), math.sqrt(left + noise)
+
+    def command_rad(self, taps: Array, acceleration: float) -> float:
+        """Return the rms of the command in the wind of the design."""
+        weights = self._weights(acceleration, DESIGN_WIND_M_S)
+        return math.sqrt(np.sum(weights * np.abs(self._late @ taps * self._residual) ** 2))
 
     def radio_loop(self, taps: Array) -> tuple[float, float]:
         """Return the peak of the radio loop's sensitivity, and its frequency (Hz)."""
