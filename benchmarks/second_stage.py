@@ -75,7 +75,9 @@ def whole_station(seconds: float) -> None:
             (Path(folder) / model.name).write_bytes(model.read_bytes())
         for latency_s in (None, *LATENCIES_S):
             file = Path(folder) / "dish.yaml"
-            stage = f"\nsecond_stage: {{travel_deg: 0.02, rate_deg_s: 0.5, bandwidth_hz: 5.0, latency_s: {latency_s}}}\n"
+            stage = (
+                f"\nsecond_stage: {{travel_deg: 0.02, rate_deg_s: 0.5, bandwidth_hz: 5.0, latency_s: {latency_s}}}\n"
+            )
             file.write_text(shipped.read_text() + (stage if latency_s is not None else ""))
             changes = {"antenna_servo": {
                 "wind.mean_speed_m_s": 12.0, "antenna.start_azimuth_deg": math.degrees(window.aos_azimuth_rad),

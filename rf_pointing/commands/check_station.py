@@ -88,12 +88,12 @@ def _second_stage(station: StationDescription, band: str) -> Iterable[str]:
 
     design = AntennaParams(**station.sets("antenna_servo", band)).stage_design()
     design.require_useful()
-    yield f"{'wind of ' + format(DESIGN_WIND_M_S, 'g') + ' m/s':<12} alone mdeg   with it    x  modes off 10 %  radio |S|"
+    heads = ("alone mdeg", "with it", "x", "modes off x", "radio |S|")
+    yield f"wind {DESIGN_WIND_M_S:<7g}" + "".join(f"{head:>13}" for head in heads)
     for axis in design.axes:
-        yield (
-            f"{axis.name:<12} {axis.before_rad / MDEG:10.3f} {axis.after_rad / MDEG:9.3f} "
-            f"{axis.before_rad / axis.after_rad:4.1f} {axis.worst_gain:15.1f} {axis.radio_peak:10.2f}"
-        )
+        errors = axis.before_rad / MDEG, axis.after_rad / MDEG
+        numbers = (*errors, errors[0] / errors[1], axis.worst_gain, axis.radio_peak)
+        yield f"{axis.name:<12}" + "".join(f"{number:13.3f}" for number in numbers)
 
 
 def _shown(name: str, given: Value) -> str:

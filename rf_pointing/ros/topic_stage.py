@@ -21,7 +21,7 @@ from rf_pointing.station.antenna.simulated_antenna import AntennaParams
 
 COMMAND, STATE = "second_stage/command", "second_stage/state"
 BEYOND = 1.5
-"""A state this many times beyond the travel is none: its unit, or the description, is wrong."""
+"""States so many times beyond the travel are refused: their unit, or the description, is wrong."""
 
 
 class TopicStage:
@@ -44,8 +44,9 @@ class TopicStage:
         age_s = self._node.now_s() - self._t_s
         if age_s <= self._params.lost_s:
             return ""
-        silent = f"for {age_s:.1f} s, at most {self._params.lost_s:g} s" if np.isfinite(age_s) else "yet"
-        return f"no message on {STATE} {silent}"
+        if not np.isfinite(age_s):
+            return f"no message on {STATE} yet"
+        return f"no message on {STATE} for {age_s:.1f} s, at most {self._params.lost_s:g} s"
 
     def command(self, deflection_rad: Array) -> None:
         """Send a deflection (2,)."""
@@ -56,10 +57,12 @@ class TopicStage:
         self._commands.publish(message)
 
     def _take(self, message: Vector3Stamped) -> None:
-        t_s, deflection = seconds_from_stamp(message.header.stamp), np.array([message.vector.x, message.vector.y])
+        t_s = seconds_from_stamp(message.header.stamp)
+        deflection = np.array([message.vector.x, message.vector.y])
         largest, bound = float(np.max(np.abs(deflection))), BEYOND * self._params.travel_rad
         if largest > bound:
-            raise ValueError(f"deflection={largest:.4g} rad must be <= {bound:.4g} rad, {BEYOND:g} times the travel")
+            wanted = f"must be <= {bound:.4g} rad, {BEYOND:g} times the travel"
+            raise ValueError(f"deflection={largest:.4g} rad {wanted}")
         if (ahead_s := t_s - self._node.now_s()) > self._params.lost_s:
             raise ValueError(f"its stamp is {ahead_s:.1f} s ahead of this computer's clock")
         self._deflection, self._t_s = deflection, t_s

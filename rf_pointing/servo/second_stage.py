@@ -74,4 +74,6 @@ class StagePlant:
         near = params.rate_rad_s / pole
         slewing_s = np.minimum(np.maximum(np.abs(away) - near, 0.0) / params.rate_rad_s, dt_s)
         rest = away - np.sign(away) * params.rate_rad_s * slewing_s
-        return np.asarray(self._state.deflection_rad + away - rest * np.exp(-pole * (dt_s - slewing_s)))
+        return np.asarray(
+            self._state.deflection_rad + away - rest * np.exp(-pole * (dt_s - slewing_s))
+        )

@@ -14,7 +14,10 @@ angles = st.floats(-5.0 * TRAVEL, 5.0 * TRAVEL)
 pairs = st.tuples(angles, angles)
 
 
-@given(st.lists(st.tuples(pairs, st.booleans()), min_size=2, max_size=60), st.lists(st.floats(-4.0, 4.0), min_size=3, max_size=3))
+@given(
+    st.lists(st.tuples(pairs, st.booleans()), min_size=2, max_size=60),
+    st.lists(st.floats(-4.0, 4.0), min_size=3, max_size=3),
+)
 def test_no_residual_drives_it_beyond_its_travel_or_its_rate(steps: list, taps: list[float]) -> None:
     law, before = SecondStage(PARAMS, np.column_stack([taps, taps])), np.zeros(2)
     for residual, follow in steps:
@@ -24,7 +27,13 @@ def test_no_residual_drives_it_beyond_its_travel_or_its_rate(steps: list, taps: 
         before = command
 
 
-@given(st.lists(st.tuples(st.floats(-0.9 * TRAVEL, 0.9 * TRAVEL), st.floats(-0.9 * TRAVEL, 0.9 * TRAVEL)), min_size=1, max_size=30))
+@given(
+    st.lists(
+        st.tuples(st.floats(-0.9 * TRAVEL, 0.9 * TRAVEL), st.floats(-0.9 * TRAVEL, 0.9 * TRAVEL)),
+        min_size=1,
+        max_size=30,
+    )
+)
 def test_both_stages_together_are_the_command(residuals: list[tuple[float, float]]) -> None:
     law = SecondStage(PARAMS.replace(rate_rad_s=10.0), np.array([[1.0, 1.0], [0.0, 0.0]]))
     command = np.array([0.4, 0.7])
@@ -67,7 +76,9 @@ def test_what_is_not_a_number_is_refused_by_its_name(residual: tuple[float, floa
 
 
 @given(pairs, st.floats(-3.0, 3.0))
-def test_axis_angles_and_the_deflection_on_the_sky_are_inverses(angles_rad: tuple[float, float], upper_rad: float) -> None:
+def test_axis_angles_and_the_deflection_on_the_sky_are_inverses(
+    angles_rad: tuple[float, float], upper_rad: float
+) -> None:
     back = axes_from_sky(sky_from_axes(np.array(angles_rad), upper_rad), upper_rad)
     near_zenith = abs(np.cos(upper_rad)) < 0.01
     np.testing.assert_allclose(back, (0.0 if near_zenith else angles_rad[0], angles_rad[1]), rtol=1e-12, atol=1e-300)

@@ -41,7 +41,9 @@ def command(antenna: SimulatedAntenna) -> None:
     antenna.stage.tick(0.02, axes + np.array((1e-4, 5e-5)), axes, tracking=True)
 
 
-def test_commands_are_deflections_on_the_sky_and_its_state_turns_the_reading(bench: Any, antenna: SimulatedAntenna) -> None:
+def test_commands_are_deflections_on_the_sky_and_its_state_turns_the_reading(
+    bench: Any, antenna: SimulatedAntenna
+) -> None:
     state(bench, 1e-4, -5e-5)
     for _ in range(5):
         command(antenna)
@@ -67,7 +69,9 @@ def test_a_stage_that_never_spoke_or_falls_silent_is_centred_and_named(bench: An
     for _ in range(10):
         command(antenna)
     assert bench.sent[COMMAND][-1].vector.x == 0.0
-    assert antenna.stage.warning == f"second stage: no message on {STATE} for 0.6 s, at most 0.5 s; the mount points alone"
+    assert (
+        antenna.stage.warning == f"second stage: no message on {STATE} for 0.6 s, at most 0.5 s; the mount points alone"
+    )
     assert antenna.reading(0.0).position_rad[0] != antenna.axes.encoder_rad[0], "it is where it was"
 
 

@@ -437,8 +437,9 @@ class ControlUnit:
             rates[self._held_axis] = 0.0
         axes.rate_command_rad_s = rates
         if self.stage is not None:
-            command, tracking = axes.path.preprocessor.state.position_rad, self.mode == AntennaMode.TRACKING
-            self.stage.tick(self._passed_s, command, axes.encoder_rad, tracking=tracking)
+            command = axes.path.preprocessor.state.position_rad
+            follow = self.mode == AntennaMode.TRACKING
+            self.stage.tick(self._passed_s, command, axes.encoder_rad, tracking=follow)
         axes.hardware.move(rates, axes.path.following)
         if passed_s is None:
             self._watch_sensors()

@@ -112,7 +112,9 @@ class AxisLoops:
         params = self.params
         if params.law == BY_DRIVE:
             raise ValueError(f"loops.law={BY_DRIVE}: the device closes the loop")
-        return self._designs_of(params.lqg_file) if params.law == LQG else (params.azimuth, params.elevation)
+        if params.law == LQG:
+            return self._designs_of(params.lqg_file)
+        return params.azimuth, params.elevation
 
     def check(self, params: LoopParams, plant: PlantParams) -> None:
         """Raise ValueError, saying why, if this set cannot run on this antenna; changes nothing."""

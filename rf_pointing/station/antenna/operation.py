@@ -222,8 +222,9 @@ class AntennaOperation:
         assert self.antenna.stage is not None
         stage = self.antenna.stage
         right, up = np.degrees(stage.device.deflection_rad).tolist()
-        values: dict[str, object] = {"cross_elevation_deg": f"{right:.5f}", "elevation_deg": f"{up:.5f}"}
-        return Report(Level.WARN if stage.warning else Level.OK, stage.warning or stage.mode, values)
+        level = Level.WARN if stage.warning else Level.OK
+        values: dict[str, object] = {"right_deg": f"{right:.5f}", "up_deg": f"{up:.5f}"}
+        return Report(level, stage.warning or stage.mode, values)
 
     def memory_report(self) -> Report:
         """Return whether the files hold what they should."""

@@ -31,13 +31,15 @@ class StageLoop:
 
     def __init__(self, device: StageDevice, design: StageDesign) -> None:
         design.require_useful()
-        self.device, self._law, self._follows = device, SecondStage(design.params, design.taps), False
+        self.device, self._follows = device, False
+        self._law = SecondStage(design.params, design.taps)
 
     def tick(self, dt_s: float, command_rad: Array, encoder_rad: Array, *, tracking: bool) -> None:
         """Command the device for the next `dt_s` by command and encoders (2,) of the axes."""
         residual = sky_from_axes(command_rad - encoder_rad, float(encoder_rad[1]))
         self._follows = tracking and not self.device.problem
-        self.device.command(self._law.step(residual, min(dt_s, LONGEST_TICK_S), follow=self._follows))
+        wanted = self._law.step(residual, min(dt_s, LONGEST_TICK_S), follow=self._follows)
+        self.device.command(wanted)
 
     def axes_rad(self, upper_rad: float) -> Array:
         """Return the axis angles (2,) that the deflection is worth with the upper axis there."""
@@ -49,8 +51,8 @@ class StageLoop:
         if self.device.problem:
             return f"second stage: {self.device.problem}; the mount points alone"
         if self._law.state.handed_back:
-            travel_deg = math.degrees(self._law.params.travel_rad)
-            return f"second stage: the mount is farther off than its travel of {travel_deg:.4g} deg; it is centred"
+            travel = f"its travel of {math.degrees(self._law.params.travel_rad):.4g} deg"
+            return f"second stage: the mount is farther off than {travel}; it is centred"
         return ""
 
     @property

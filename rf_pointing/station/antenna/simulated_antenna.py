@@ -60,7 +60,7 @@ class AntennaParams(Params):
     wind: WindParams = parameter(WindParams(), "wind at the dish")
     mount: MountParams = parameter(MountParams(), "errors of the mount")
     safety: SafetyParams = parameter(SafetyParams(), "limits of trust, park and stow position")
-    second_stage: SecondStageParams = parameter(SecondStageParams(), "fast actuator before the mount")
+    second_stage: SecondStageParams = parameter(SecondStageParams(), "fast actuator of the beam")
 
     def stage_design(self) -> StageDesign:
         """Return what the second stage does here; ValueError where the device closes the loop."""

@@ -1,4 +1,4 @@
-"""What a second stage gains in wind, its predictor, and the margins of the loops around it.
+"""Gain of a second stage in wind, its predictor, and the margins of the loops around it.
 
     F(s) = e^(-T s) hold(s) / (1 + s / w_s) sum_k p_k z^-k       stage, command to deflection
     error = B - F (E + n),   E = S W_e,   B = W_b - G_b C S W_e
@@ -26,13 +26,15 @@ from rf_pointing.core import AXES
 from rf_pointing.core.second_stage import SecondStageParams
 from rf_pointing.core.types import Array, ComplexArray
 from rf_pointing.servo import PlantParams, WindParams
-from rf_pointing.station.antenna.axis_response import AS_KNOWN, AxisResponse, Variation, davenport_psd
+from rf_pointing.station.antenna.axis_response import AS_KNOWN, AxisResponse, Variation
+from rf_pointing.station.antenna.axis_response import davenport_psd as gust_spectrum
 from rf_pointing.station.antenna.loops import Law
 from rf_pointing.station.antenna.tuning import MOST_SENSITIVE, gust_acceleration
 
 TAPS, UNKNOWN = 15, 0.03
 DESIGN_WIND_M_S = 12.0
-OFF = tuple(Variation(modes, share) for modes in (0.9, 0.95, 1.0, 1.05, 1.1) for share in (0.7, 1.0, 1.3))
+MODES, RESIDUES = (0.9, 0.95, 1.0, 1.05, 1.1), (0.7, 1.0, 1.3)
+OFF = tuple(Variation(modes, share) for modes in MODES for share in RESIDUES)
 LEAST_GAIN = 1.25
 """Times by which a stage has to lower the wind's error, on the worst of these antennas."""
 LEAST_TRAVEL = 3.0
@@ -46,8 +48,9 @@ MEAN_OF, CLUSTER, WAIT_S = 5, 5, 0.2
 class StageAxis:
     """One direction: its taps (n,), rms beam error in wind without and with the stage, margins.
 
-    `command_rad` is the rms of what is commanded in the wind of the design.  `worst_gain` is the smallest ratio of these errors over the antennas that differ; `radio_peak`
-    the peak of the radio loop's sensitivity at `radio_hz`, infinite where it is unstable.
+    `command_rad` is the rms of what is commanded in the wind of the design, `worst_gain` the
+    smallest ratio of the errors over the antennas that differ; `radio_peak` the peak of the radio
+    loop's sensitivity at `radio_hz`, infinite where it is unstable.
     """
 
     name: str
@@ -84,40 +87,44 @@ class StageDesign:
 
     def require_useful(self) -> None:
         """Refuse a stage that makes the wind's error larger, or the radio loop swing."""
-        given = f"second_stage.latency_s={self.params.latency_s:g}, bandwidth_hz={self.params.bandwidth_hz:g}"
+        own = self.params
+        given = f"second_stage.latency_s={own.latency_s:g}, bandwidth_hz={own.bandwidth_hz:g}"
         for axis in self.axes:
+            least_rad, why = LEAST_TRAVEL * axis.command_rad, ""
             if axis.worst_gain < LEAST_GAIN:
-                raise ValueError(
-                    f"{given}: {axis.name}: the error in wind is {axis.worst_gain:.2f} times smaller with the modes "
-                    f"10 % off, must be >= {LEAST_GAIN:g}"
+                why = (
+                    f"the error in wind is {axis.worst_gain:.2f} times smaller with the modes 10 % "
+                    f"off, must be >= {LEAST_GAIN:g}"
                 )
-            if self.params.travel_rad < LEAST_TRAVEL * axis.command_rad:
-                raise ValueError(
-                    f"second_stage.travel_deg={math.degrees(self.params.travel_rad):.4g}: {axis.name}: a stage of "
-                    f"bandwidth_hz={self.params.bandwidth_hz:g} and latency_s={self.params.latency_s:g} needs >= "
-                    f"{math.degrees(LEAST_TRAVEL * axis.command_rad):.4g} deg in wind of {DESIGN_WIND_M_S:g} m/s"
+            elif own.travel_rad < least_rad:
+                why = (
+                    f"travel_deg={math.degrees(own.travel_rad):.4g} must be >= "
+                    f"{math.degrees(least_rad):.4g} in wind of {DESIGN_WIND_M_S:g} m/s"
                 )
-            if axis.radio_peak > MOST_SENSITIVE:
-                raise ValueError(
-                    f"{given}: {axis.name}: the tracking loop of {self.params.radio_bandwidth_hz:g} Hz has a sensitivity "
-                    f"peak of {axis.radio_peak:.2f} at {axis.radio_hz:.2f} Hz, must be <= {MOST_SENSITIVE:g}"
+            elif axis.radio_peak > MOST_SENSITIVE:
+                why = (
+                    f"the tracking loop of {own.radio_bandwidth_hz:g} Hz has a sensitivity peak of "
+                    f"{axis.radio_peak:.2f} at {axis.radio_hz:.2f} Hz, "
+                    f"must be <= {MOST_SENSITIVE:g}"
                 )
+            if why:
+                raise ValueError(f"{given}: {axis.name}: {why}")
 
 
 def design_stage(
-    params: SecondStageParams, plant: PlantParams, laws: Sequence[Law], wind: WindParams, tick_s: float,
-    wind_m_s: float = DESIGN_WIND_M_S,
+    params: SecondStageParams, plant: PlantParams, laws: Sequence[Law], wind: WindParams,
+    tick_s: float, wind_m_s: float = DESIGN_WIND_M_S,
 ) -> StageDesign:  # fmt: skip
     """Return the stage on this antenna, judged in gusts about a mean wind (m/s)."""
-    gusts = gust_acceleration(plant, wind, wind_m_s), gust_acceleration(plant, wind, DESIGN_WIND_M_S)
-    axes = []
+    judged_in = gust_acceleration(plant, wind, wind_m_s)
+    designed_in = gust_acceleration(plant, wind, DESIGN_WIND_M_S)
+    axes, known = [], OFF.index(AS_KNOWN)
     for axis, law in enumerate(laws):
         antennas = [_Antenna(params, plant, axis, law, tick_s, off) for off in OFF]
-        taps = _wiener(antennas, gusts[1][axis])
-        judged = [each.errors_rad(taps, gusts[0][axis], wind_m_s) for each in antennas]
-        known = OFF.index(AS_KNOWN)
+        taps = _wiener(antennas, designed_in[axis])
+        judged = [each.errors_rad(taps, judged_in[axis], wind_m_s) for each in antennas]
         margins = antennas[known].radio_loop(taps)
-        command_rad = antennas[known].command_rad(taps, gusts[1][axis])
+        command_rad = antennas[known].command_rad(taps, designed_in[axis])
         worst = min(before / after for before, after in judged)
         axes.append(StageAxis(AXES[axis], taps, *judged[known], command_rad, worst, *margins))
     return StageDesign(params, (axes[0], axes[1]))
@@ -127,7 +134,8 @@ class _Antenna:
     """One axis of one antenna under its law, on its own grid of frequencies (f,)."""
 
     def __init__(
-        self, params: SecondStageParams, plant: PlantParams, axis: int, law: Law, tick_s: float, off: Variation
+        self, params: SecondStageParams, plant: PlantParams, axis: int, law: Law, tick_s: float,
+        off: Variation,
     ) -> None:  # fmt: skip
         self._params, self._tick_s, own = params, tick_s, getattr(plant, AXES[axis])
         response = AxisResponse.on_own_grid(plant, axis, tick_s, off)
@@ -141,7 +149,8 @@ class _Antenna:
         fed = getattr(law, "feedforward_gain", 1.0) * s / (1.0 + s / (2.0 * math.pi * 10.0))
         if law.notch.enabled:
             fed = fed * sampled_response(section_matrices(law.notch, tick_s), hz, tick_s)[:, 0, 0]
-        self._moved = (gain + fed) * self._sensitivity * encoder, (gain + fed) * self._sensitivity * beam
+        led = (gain + fed) * self._sensitivity
+        self._moved = led * encoder, led * beam
         stage = np.exp(-s * params.latency_s) / (1.0 + s / (2.0 * math.pi * params.bandwidth_hz))
         hold = (1.0 - 1.0 / z) / (s * tick_s)
         self._late: ComplexArray = z[:, None] ** -np.arange(TAPS)
@@ -152,15 +161,16 @@ class _Antenna:
 
     def _weights(self, acceleration: float, wind_m_s: float) -> Array:
         """Return the power (f,) of the gusts on each part of the grid, in (rad/s^2)^2."""
-        return np.asarray(
-            acceleration**2 * davenport_psd(self._hz, wind_m_s, DRAG) * np.gradient(self._hz)
-        )
+        gusts = gust_spectrum(self._hz, wind_m_s, DRAG)
+        return np.asarray(acceleration**2 * gusts * np.gradient(self._hz))
 
     def normal_equations(self, acceleration: float) -> tuple[Array, Array, float]:
         """Return matrix (n, n), right side (n,) and the beam's mean square (rad^2) in the wind."""
         weights = self._weights(acceleration, DESIGN_WIND_M_S)
         seen = self._taps * self._residual[:, None]
-        matrix = (seen.conj().T * weights) @ seen + self._noise * (self._taps.conj().T * np.gradient(self._hz)) @ self._taps
+        matrix = (seen.conj().T * weights) @ seen + self._noise * (
+            self._taps.conj().T * np.gradient(self._hz)
+        ) @ self._taps
         right = (seen.conj().T * weights) @ self._beam
         return matrix.real, right.real, float(np.sum(weights * np.abs(self._beam) ** 2))
 
@@ -181,8 +191,8 @@ class _Antenna:
         encoder, beam = self._moved
         if self._params.radio_bandwidth_hz == 0.0:
             return 1.0, 0.0
-        radio = RadioLoop(self._params.radio_bandwidth_hz, MEAN_OF, CLUSTER, WAIT_S).response(self._hz)
-        loop = radio * (beam + self._taps @ taps * (1.0 - encoder))
+        radio = RadioLoop(self._params.radio_bandwidth_hz, MEAN_OF, CLUSTER, WAIT_S)
+        loop = radio.response(self._hz) * (beam + self._taps @ taps * (1.0 - encoder))
         margins = loop_margins(self._hz, loop)
         return margins.peak_sensitivity if encircles_not(loop) else math.inf, margins.peak_hz
 

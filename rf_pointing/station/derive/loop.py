@@ -63,7 +63,7 @@ def second_stage(of: Band) -> Rows:
     given = flat(of.content.tuning) | flat(of.section.tuning)
     bandwidth_hz = given.get("integrator.bandwidth_hz", integrator(of)["bandwidth_hz"].value)
     return {name: Value(each, f"second_stage.{name}") for name, each in vars(section).items()} | {
-        "radio_bandwidth_hz": tuned(float(bandwidth_hz), "integrator.bandwidth_hz"),
+        "radio_bandwidth_hz": tuned(float(bandwidth_hz), "integrator.bandwidth_hz")
     }
 
 

@@ -369,10 +369,10 @@ class SimulatedWindSection:
 class SecondStageSection:
     """A steering mirror, subreflector, hexapod or feed table that moves the beam."""
 
-    travel_deg: float = parameter(description="largest deflection of the beam on the sky, each way", low=1e-5, high=5.0)
+    travel_deg: float = parameter(description="largest deflection, each way", low=1e-5, high=5.0)
     rate_deg_s: float = parameter(1.0, "largest rate of the deflection", low=1e-4, high=500.0)
-    bandwidth_hz: float = parameter(description="bandwidth (-3 dB) of its own loop", low=0.1, high=2000.0)
-    latency_s: float = parameter(0.02, "time from a command to the begin of its motion", low=0.0, high=2.0)
+    bandwidth_hz: float = parameter(description="-3 dB bandwidth of its loop", low=0.1, high=2000.0)
+    latency_s: float = parameter(0.02, "time from a command to its motion", low=0.0, high=2.0)
 
 
 @dataclass(frozen=True, kw_only=True)

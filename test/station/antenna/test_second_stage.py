@@ -34,7 +34,9 @@ def test_the_error_of_the_mount_alone_is_that_of_the_tuner() -> None:
 
 
 @pytest.mark.parametrize(("latency_s", "least"), [(0.02, 6.0), (0.05, 5.0), (0.1, 3.0)])
-def test_a_subreflector_of_5_hz_makes_the_wind_error_of_a_34_m_dish_3_times_smaller(latency_s: float, least: float) -> None:
+def test_a_subreflector_of_5_hz_makes_the_wind_error_of_a_34_m_dish_3_times_smaller(
+    latency_s: float, least: float
+) -> None:
     found = design(latency_s)
     found.require_useful()
     linear = found.before_rad / found.after_rad
@@ -50,11 +52,16 @@ def test_a_subreflector_of_5_hz_makes_the_wind_error_of_a_34_m_dish_3_times_smal
     ("params", "reason"),
     [
         (STAGE.replace(latency_s=0.3), r"second_stage.latency_s=0.3, bandwidth_hz=5: azimuth: .* must be >= 1.25"),
-        (STAGE.replace(travel_rad=1e-5), r"second_stage.travel_deg=0.000573: .* needs >= 0.0008"),
-        (STAGE.replace(radio_bandwidth_hz=0.5), r"the tracking loop of 0.5 Hz has a sensitivity peak of .*, must be <= 2"),
+        (STAGE.replace(travel_rad=1e-5), r"azimuth: travel_deg=0.000573 must be >= 0.0008"),
+        (
+            STAGE.replace(radio_bandwidth_hz=0.5),
+            r"the tracking loop of 0.5 Hz has a sensitivity peak of .*, must be <= 2",
+        ),
     ],
 )
-def test_a_stage_that_would_not_serve_is_refused_by_name_value_and_bound(params: SecondStageParams, reason: str) -> None:
+def test_a_stage_that_would_not_serve_is_refused_by_name_value_and_bound(
+    params: SecondStageParams, reason: str
+) -> None:
     with pytest.raises(ValueError, match=reason):
         design_stage(params, dss13_plant(), dss13_loops("tuned"), WIND, TICK_S).require_useful()
 
@@ -124,7 +131,7 @@ def test_outside_of_tracking_it_is_centred() -> None:
     step_to(made, (0.5 + 5.0 * MRAD, 0.7), 1.0)
     assert np.abs(made.hardware.stage.deflection_rad).max() > 0.0
     assert made.park() == ""
-    for k in range(300):
+    for _ in range(300):
         made.step(round(made.t_s + TICK_S, 6))
     assert np.abs(made.hardware.stage.deflection_rad).max() < 1e-9
     assert made.stage is not None
