@@ -42,6 +42,7 @@ QUICK = {
     "receiver": "--seconds 1",
     "recorded_pass": "monopulse",
     "replay": "",
+    "second_stage": "--quick",
     "servo": "--runs 1",
     "slew_paths": "--trials 100 --each 50",
     "tracking": "",

@@ -54,7 +54,13 @@ STATIONS: tuple[tuple[str, dict[str, Any]], ...] = (
     ("dss13", WITH_A_RADIO), ("dss13", WITH_A_RADIO | ON_A_DRIVE), ("rotator_2m", WITH_A_RADIO),
     ("leo_3m7", {"receiver.type": "rtl_tcp"}),
 )  # fmt: skip
-DRIVE_TOPICS = (("publish", "drive/set_point"), ("publish", "drive/enable"), ("subscribe", "drive/state"))
+DRIVE_TOPICS = (
+    ("publish", "drive/set_point"),
+    ("publish", "drive/enable"),
+    ("subscribe", "drive/state"),
+    ("publish", "second_stage/command"),
+    ("subscribe", "second_stage/state"),
+)
 """Topics of a drive of the type `topic`, which waits for its driver's first message."""
 OPERATOR = "operator"
 GRAPH_WITHIN_S = 30.0

@@ -11,7 +11,7 @@ import sys
 from collections.abc import Iterable
 
 from rf_pointing.commands.options import ending_with_reason
-from rf_pointing.core import parameter_unit
+from rf_pointing.core import MDEG, parameter_unit
 from rf_pointing.core.derived import Value
 from rf_pointing.station.derive.band import Band
 from rf_pointing.station.derive.nodes import described_parameters
@@ -71,10 +71,29 @@ def report(station: StationDescription, band: str, everything: bool) -> Iterable
             shown.add(title)
             users = f"  -> {', '.join(nodes.get(name, ()))}" if everything else ""
             yield f"  {_shown(title, given):<{WIDE}} {_reason(given)}{users}"
+    if station.content.second_stage is not None:
+        yield "\nsecond stage:"
+        yield from (f"  {line}" for line in _second_stage(station, band))
     found = list(remarks(station, band))
     if found:
         yield "\nto know:"
         yield from (f"  {remark}" for remark in found)
+
+
+def _second_stage(station: StationDescription, band: str) -> Iterable[str]:
+    """Yield its error in wind and its margins; ValueError for one that is refused."""
+    # Imported here: it takes the whole antenna, which most stations are checked without.
+    from rf_pointing.station.antenna.simulated_antenna import AntennaParams
+    from rf_pointing.station.antenna.stage_design import DESIGN_WIND_M_S
+
+    design = AntennaParams(**station.sets("antenna_servo", band)).stage_design()
+    design.require_useful()
+    heads = ("alone mdeg", "with it", "x", "modes off x", "radio |S|")
+    yield f"wind {DESIGN_WIND_M_S:<7g}" + "".join(f"{head:>13}" for head in heads)
+    for axis in design.axes:
+        errors = axis.before_rad / MDEG, axis.after_rad / MDEG
+        numbers = (*errors, errors[0] / errors[1], axis.worst_gain, axis.radio_peak)
+        yield f"{axis.name:<12}" + "".join(f"{number:13.3f}" for number in numbers)
 
 
 def _shown(name: str, given: Value) -> str:

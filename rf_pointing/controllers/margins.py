@@ -13,6 +13,8 @@ import numpy as np
 from rf_pointing.controllers.filters import LawMatrices
 from rf_pointing.core.types import Array, ComplexArray
 
+RADIO_SAMPLE_S, RADIO_PERIOD_S = 0.02, 0.1
+
 
 @dataclass(frozen=True, slots=True)
 class Margins:
@@ -69,3 +71,32 @@ def closed_radius(model: LawMatrices, law: LawMatrices) -> float:
         [-lb @ c + through * lb @ d @ ld @ c, la - through * lb @ d @ lc],
     ]
     return float(np.max(np.abs(np.linalg.eigvals(np.block(rows)))))
+
+
+@dataclass(frozen=True, slots=True)
+class RadioLoop:
+    """Radio integrator of f_m `bandwidth_hz` on the mean of `mean_of` errors, one every 0.1 s.
+
+    Each error is the mean of the latest `cluster` samples at 50 Hz and acts `wait_s` after the last
+    of them, on a straight line 0.1 s long.
+    """
+
+    bandwidth_hz: float
+    mean_of: int
+    cluster: int
+    wait_s: float
+
+    def response(self, frequency_hz: Array) -> ComplexArray:
+        """Return the response (f,) from error to offset, without the images of the sampling."""
+        s = 2j * np.pi * frequency_hz
+        errors = sum(np.exp(-k * RADIO_PERIOD_S * s) for k in range(self.mean_of)) / self.mean_of
+        samples = sum(np.exp(-k * RADIO_SAMPLE_S * s) for k in range(self.cluster)) / self.cluster
+        line = np.exp(-0.5 * RADIO_PERIOD_S * s) * np.sinc(frequency_hz * RADIO_PERIOD_S)
+        gain = 2.0 * math.pi * self.bandwidth_hz / s * np.exp(-self.wait_s * s)
+        return np.asarray(gain * errors * samples * line, dtype=np.complex128)
+
+
+def encircles_not(loop: ComplexArray) -> bool:
+    """Return whether a loop with one integrator leaves -1 alone: 1 + L then turns by a quarter."""
+    angle = np.unwrap(np.angle(1.0 + loop))
+    return abs(float(angle[-1] - angle[0]) - 0.5 * math.pi) < 0.25 * math.pi

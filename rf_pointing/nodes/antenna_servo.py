@@ -14,12 +14,11 @@ Services (std_srvs/Trigger): ~/stop (latches a fault), ~/pause, ~/resume, ~/park
 commander has the antenna, all but stop and inject_fault are taken by ~/signed alone
 (rf_pointing_msgs/SignedCall, `leased_services.py`).
 Parameters: antenna.*, drive.* (which drive, and how it is reached), loops.* (retunable while
-running),
-safety.*, wrap_file (keeps the azimuth's turn over a restart; empty: not kept), state_file (keeps
-position, fault and rest), command_key_file (only commands signed with it are taken),
-enable_fault_injection, and as truth of the simulated drive plant.* (changeable too), wind.*,
-mount.*.  What guards the antenna changes only while the drives are disabled, the key only at the
-start.  Activation releases the brakes and holds; deactivation sets them.
+running), safety.*, second_stage.* (`topic_stage.py`), wrap_file (keeps the azimuth's turn over a
+restart; empty: not kept), state_file (keeps position, fault and rest), command_key_file (only
+commands signed with it are taken), enable_fault_injection, and as truth of the simulated drive
+plant.* (changeable too), wind.*, mount.*.  What guards the antenna changes only while the drives
+are disabled, the key only at the start.  Activation releases the brakes, deactivation sets them.
 
 A drive other than the simulated one must answer within 5 s of the configuration; a node that
 brings itself up waits for it, however long it takes.  One that is lost latches a fault, and
@@ -38,6 +37,7 @@ from rf_pointing.ros.main_loop import run
 from rf_pointing.ros.station_node import StationNode
 from rf_pointing.ros.station_watches import ExecutiveWatch
 from rf_pointing.ros.topic_drive import DriveConnection
+from rf_pointing.ros.topic_stage import join_stage
 from rf_pointing.station.antenna.drive_antenna import DriveAntenna
 from rf_pointing.station.antenna.memory import AntennaMemory
 from rf_pointing.station.antenna.operation import LIVE, AntennaOperation
@@ -90,6 +90,7 @@ class AntennaServo(StationNode):
         if self.parameters.value("").enable_fault_injection:
             raise ValueError(f"enable_fault_injection needs drive.type=simulated, it is {params.drive.type}")
         antenna = self._connection.antenna(params)
+        join_stage(self, antenna, params)
         self._at_cleanup.callback(antenna.close)
         # Keeps the drive connected while there are no ticks.
         look = self.timer(INACTIVE_PERIOD_S, lambda: self.active or antenna.hardware.look(self.now_s()))

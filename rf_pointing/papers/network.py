@@ -17,6 +17,7 @@ from scipy.stats import poisson
 from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
 from rf_pointing.core.types import Array, BoolArray
 from rf_pointing.papers.row import Row
+from rf_pointing.papers.two_stage import two_stage_rows
 from rf_pointing.planning.availability import (
     WEATHER_M,
     availability,
@@ -72,9 +73,9 @@ DECIBELS = (
 
 
 def rows(seed: int = 1) -> list[Row]:
-    """Return every row of the paper; nothing here is drawn, `seed` is that of all papers."""
-    del seed
-    return [*weather_rows(), *coverage_rows(), *telescope_rows(), *link_rows(), *rate_rows()]
+    """Return every row of the paper; `seed` is that of wind and sensor of two-stage pointing."""
+    found = [*weather_rows(), *coverage_rows(), *telescope_rows(), *link_rows(), *rate_rows()]
+    return [*found, *two_stage_rows(seed)]
 
 
 def weather_rows() -> list[Row]:

@@ -20,11 +20,15 @@ from rf_pointing.controllers import (
     TrackerIntegratorParams,
 )
 from rf_pointing.core import random_stream
+from rf_pointing.core.second_stage import SecondStageParams
 from rf_pointing.core.types import Array
 from rf_pointing.papers.bare_antenna import BareAntenna, LawsOnCommand
 from rf_pointing.papers.servo_trajectory import LowOrbitPass
 from rf_pointing.servo import AntennaPlant, PlantParams, Wind, WindParams, dss13_plant
+from rf_pointing.servo.second_stage import StagePlant
 from rf_pointing.simulation.closed_loop import ticks
+from rf_pointing.station.antenna.second_stage import StageLoop
+from rf_pointing.station.antenna.stage_design import StageDesign
 
 Law = PositionLoopParams | tuple[LqgDesign, LqgLoopParams]
 
@@ -55,6 +59,7 @@ class PassSetup:
     late_s: tuple[float, float] = (0.0, 0.0)
     wind: WindParams = field(default_factory=WindParams)
     settled: bool = True
+    stage: StageDesign | None = None
     seed: int = 1
 
 
@@ -97,17 +102,27 @@ def fly(setup: PassSetup) -> PassErrors:
         ]
     )
     radio = _Radio(setup)
+    device = StagePlant(setup.stage.params if setup.stage else SecondStageParams())
+    stage = StageLoop(device, setup.stage) if setup.stage else None
     plant = AntennaPlant(
         setup.plant, random_stream(setup.seed, "encoder"), ephemeris.position_rad[0]
     )
     wind = Wind(setup.wind, random_stream(setup.seed, "wind"))
 
+    def beam_rad() -> Array:
+        """Return the axis angles (2,) of the beam, a second stage's part included."""
+        angles = plant.beam_rad
+        return angles if stage is None else angles + stage.axes_rad(float(angles[1]))
+
     def command(k: int) -> tuple[Array, Array, Array]:
         """Return ephemeris plus radio offset in axis angles, after the radio has measured at this
         tick.
         """
-        radio.tick(k, truth[k] - plant.beam_rad, math.cos(ephemeris.position_rad[k, 1]))
+        radio.tick(k, truth[k] - beam_rad(), math.cos(ephemeris.position_rad[k, 1]))
         offset, rate = radio.at(k)
+        if stage is not None:
+            wanted = ephemeris.position_rad[k] + offset
+            stage.tick(TICK_S, wanted, plant.encoder_rad, tracking=True)
         return (
             ephemeris.position_rad[k] + offset,
             ephemeris.velocity_rad_s[k] + rate,
@@ -128,7 +143,9 @@ def fly(setup: PassSetup) -> PassErrors:
     for k, _ in ticks(
         BareAntenna(plant, wind, TICK_S, laws, lambda k: ephemeris.position_rad[k]), count
     ):
-        beam[k] = truth[k + 1] - plant.beam_rad
+        if stage is not None:
+            device.step(TICK_S)
+        beam[k] = truth[k + 1] - beam_rad()
         encoder[k] = ephemeris.position_rad[k + 1] - plant.true_joint_rad
     later = slice(1, count + 1)
     sky = np.column_stack([np.cos(truth[later, 1]), np.ones(count)])

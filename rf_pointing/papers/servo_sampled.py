@@ -17,45 +17,12 @@ from scipy.integrate import trapezoid
 
 from rf_pointing.controllers import LawMatrices
 from rf_pointing.controllers.filters import SectionParams
+from rf_pointing.controllers.margins import RadioLoop, encircles_not
 from rf_pointing.core.types import Array, ComplexArray
 from rf_pointing.servo import PlantParams
 from rf_pointing.station.antenna.axis_response import AxisResponse, Variation, davenport_psd
 
 SAMPLE_S = 0.02
-RADIO_PERIOD_S = 0.1
-
-
-@dataclass(frozen=True, slots=True)
-class RadioLoop:
-    """Radio integrator of f_m `bandwidth_hz` that acts on the mean of the latest `mean_of` errors,
-    one every 0.1 s.
-
-    Each error is the mean of the latest `cluster` samples at 50 Hz and acts `wait_s` after the last
-    of them, on a straight line 0.1 s long.
-    """
-
-    bandwidth_hz: float
-    mean_of: int
-    cluster: int
-    wait_s: float
-
-    def response(self, frequency_hz: Array) -> ComplexArray:
-        """Return the response (f,) from error to offset, without the images of the sampling."""
-        s = 2j * np.pi * frequency_hz
-        errors = sum(np.exp(-k * RADIO_PERIOD_S * s) for k in range(self.mean_of)) / self.mean_of
-        samples = sum(np.exp(-k * SAMPLE_S * s) for k in range(self.cluster)) / self.cluster
-        line = np.exp(-0.5 * RADIO_PERIOD_S * s) * np.sinc(frequency_hz * RADIO_PERIOD_S)
-        whole = (
-            2.0
-            * math.pi
-            * self.bandwidth_hz
-            / s
-            * np.exp(-self.wait_s * s)
-            * errors
-            * samples
-            * line
-        )
-        return np.asarray(whole, dtype=np.complex128)
 
 
 def published_radio(bandwidth_hz: float) -> RadioLoop:
@@ -133,14 +100,6 @@ def loop_quality(
         radio_loop is None or encircles_not(around)
     )
     return LoopQuality(rms, *peaks, stable)
-
-
-def encircles_not(loop: ComplexArray) -> bool:
-    """Whether the Nyquist curve of a loop with one integrator leaves -1 alone: 1 + L then turns by
-    a quarter.
-    """
-    angle = np.unwrap(np.angle(1.0 + loop))
-    return abs(float(angle[-1] - angle[0]) - 0.5 * math.pi) < 0.25 * math.pi
 
 
 def sampled_axis(plant: PlantParams, axis: int, variation: Variation) -> AxisResponse:

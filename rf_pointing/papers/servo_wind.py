@@ -19,6 +19,7 @@ from rf_pointing.controllers import (
     dss13_lqg_loops,
     load_lqg_designs,
 )
+from rf_pointing.controllers.margins import RadioLoop
 from rf_pointing.core import MDEG
 from rf_pointing.core.types import Array
 from rf_pointing.papers.row import Row
@@ -27,7 +28,6 @@ from rf_pointing.papers.servo_pass import Law, PassSetup, fly
 from rf_pointing.papers.servo_sampled import (
     LawResponse,
     LoopQuality,
-    RadioLoop,
     loop_quality,
     published_radio,
     sampled_axis,

@@ -82,6 +82,8 @@ class AntennaServer:
         self.leased.serve(StowInFault, "stow_in_fault", self._stow_in_fault)
         self.leased.serve(PermitSun, "permit_sun", self._permit_sun)
         node.diagnostics.add_report("drive", lambda: operation.drive_report(node.now_s()))
+        if antenna.stage is not None:
+            node.diagnostics.add_report("second_stage", operation.stage_report)
         node.diagnostics.add("commanders", self._commanders)
 
     def take_wind(self) -> None:

@@ -8,7 +8,7 @@ from scipy.integrate import trapezoid
 from scipy.signal import lsim
 
 from rf_pointing.controllers import dss13_loops
-from rf_pointing.papers import servo_sampled
+from rf_pointing.controllers.margins import encircles_not
 from rf_pointing.papers.servo_linear import closed_loop, stability_limit_hz
 from rf_pointing.papers.servo_monopulse import PLAIN
 from rf_pointing.papers.servo_pass import PassSetup, fly
@@ -80,7 +80,7 @@ def test_a_delayed_integrator_turns_unstable_at_a_quarter_period_of_delay() -> N
     frequency = np.geomspace(1e-3, 24.0, 4000)
     s = 2j * np.pi * frequency
     for gain, stable in ((0.95, True), (1.05, False)):
-        assert servo_sampled.encircles_not(gain * 0.5 * math.pi / 0.3 / s * np.exp(-0.3 * s)) is stable
+        assert encircles_not(gain * 0.5 * math.pi / 0.3 / s * np.exp(-0.3 * s)) is stable
 
 
 def test_gusts_have_davenports_spectrum_and_the_variance_of_its_integral() -> None:

@@ -6,7 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from rf_pointing.papers.servo_sampled import RadioLoop, loop_quality, published_radio, sampled_axis, station_radio
+from rf_pointing.controllers.margins import RadioLoop
+from rf_pointing.papers.servo_sampled import loop_quality, published_radio, sampled_axis, station_radio
 from rf_pointing.servo import dss13_plant
 from rf_pointing.servo.linear_model import linear_model
 from rf_pointing.station.antenna.axis_response import Variation, davenport_psd

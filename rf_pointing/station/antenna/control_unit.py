@@ -27,6 +27,7 @@ from rf_pointing.station.antenna.axes import NEW_PATH_RAD, AntennaAxes, Hardware
 from rf_pointing.station.antenna.loops import LoopParams
 from rf_pointing.station.antenna.modes import AntennaMode, AntennaModes, MotionSnapshot, Request
 from rf_pointing.station.antenna.safety import AntennaSafety, SafetyParams
+from rf_pointing.station.antenna.second_stage import StageLoop
 from rf_pointing.station.antenna.sun_at_rest import AT_REST_RAD_S, EVERY_S, sun_entry, way_out
 
 SAME_S = 1e-9
@@ -92,6 +93,7 @@ class ControlUnit:
         self.safety = AntennaSafety(safety, loops.preprocessor, tick_s)
         self.axes = AntennaAxes(hardware, loops, plant, self.safety, tick_s, start_rad)
         self.modes = AntennaModes()
+        self.stage: StageLoop | None = None
         self.t_s = 0.0
         self._tick_s = self._passed_s = tick_s
         self._ticks = 0
@@ -408,9 +410,11 @@ class ControlUnit:
     # One tick
 
     def reading(self, t_s: float) -> JointReading:
-        """Return the encoders' present angles, stamped `t_s`."""
-        velocity = self.axes.hardware.velocity_rad_s
-        return JointReading(t_s=t_s, position_rad=self.axes.encoder_rad.copy(), velocity_rad_s=velocity)
+        """Return the present angles, stamped `t_s`: the encoders, and what a second stage adds."""
+        velocity, angles = self.axes.hardware.velocity_rad_s, self.axes.encoder_rad.copy()
+        if self.stage is not None:
+            angles += self.stage.axes_rad(float(angles[1]))
+        return JointReading(t_s=t_s, position_rad=angles, velocity_rad_s=velocity)
 
     def tick(self, t_s: float, passed_s: float | None = None) -> JointReading:
         """Return the encoder reading at `t_s`, then drive the hardware through one tick.
@@ -428,10 +432,14 @@ class ControlUnit:
         axes = self.axes
         axes.path.following = None
         # Unpowered axes get no rates: laws that run against the brakes would wind up.
-        rates = self._rates(t_s, reading.position_rad) if axes.hardware.powered else np.zeros(2)
+        rates = self._rates(t_s, axes.encoder_rad) if axes.hardware.powered else np.zeros(2)
         if self._held_axis >= 0:
             rates[self._held_axis] = 0.0
         axes.rate_command_rad_s = rates
+        if self.stage is not None:
+            command = axes.path.preprocessor.state.position_rad
+            follow = self.mode == AntennaMode.TRACKING
+            self.stage.tick(self._passed_s, command, axes.encoder_rad, tracking=follow)
         axes.hardware.move(rates, axes.path.following)
         if passed_s is None:
             self._watch_sensors()
@@ -458,6 +466,7 @@ class ControlUnit:
             warning=("" if axes.hardware.powered else axes.hardware.fault)
             or self._sun
             or self._ran_dry
+            or (self.stage.warning if self.stage is not None else "")
             or safety.warning(t_s, self.mode, pair(commanded)),
             high_wind=safety.wind.reason,
             transmit_inhibit=silent

@@ -106,6 +106,16 @@ class AxisLoops:
         found = [f"{axis}: {seen.reason}" for axis, seen in zip(AXES, self.watch, strict=True) if seen.oscillating]
         return "; ".join(found)
 
+    @property
+    def in_force(self) -> Sequence[Law]:
+        """Gains or designs of the laws that run; ValueError where the device closes the loop."""
+        params = self.params
+        if params.law == BY_DRIVE:
+            raise ValueError(f"loops.law={BY_DRIVE}: the device closes the loop")
+        if params.law == LQG:
+            return self._designs_of(params.lqg_file)
+        return params.azimuth, params.elevation
+
     def check(self, params: LoopParams, plant: PlantParams) -> None:
         """Raise ValueError, saying why, if this set cannot run on this antenna; changes nothing."""
         # Eigenvalues of some 30 states take milliseconds; unchecked gains can shake an antenna

@@ -12,6 +12,8 @@ from dataclasses import dataclass
 from operator import attrgetter
 from typing import Any
 
+import numpy as np
+
 from rf_pointing.core import AXES, Boresight, JointReading, JointTrajectory, Params, parameter
 from rf_pointing.core.signals import LONGEST_GAP_S
 from rf_pointing.station.antenna.control_unit import AntennaStatus
@@ -214,6 +216,15 @@ class AntennaOperation:
             values["temperature_k"] = f"{reading.temperature_k:.1f}"
         level = Level.ERROR if hardware.fault else Level.OK
         return Report(level, hardware.fault or self.antenna.drive_params.type, values)
+
+    def stage_report(self) -> Report:
+        """Return whether a second stage follows, and where it is."""
+        assert self.antenna.stage is not None
+        stage = self.antenna.stage
+        right, up = np.degrees(stage.device.deflection_rad).tolist()
+        level = Level.WARN if stage.warning else Level.OK
+        values: dict[str, object] = {"right_deg": f"{right:.5f}", "up_deg": f"{up:.5f}"}
+        return Report(level, stage.warning or stage.mode, values)
 
     def memory_report(self) -> Report:
         """Return whether the files hold what they should."""

@@ -10,15 +10,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from rf_pointing.core import Boresight, JointReading, Params, parameter, random_stream, require_choice, require_finite
+from rf_pointing.core.second_stage import SecondStageParams, axes_from_sky
 from rf_pointing.core.types import Array, Pair
 from rf_pointing.drives import DriveParams
 from rf_pointing.servo import AntennaPlant, PlantParams, Wind, WindParams, WindSource, dss13_plant
+from rf_pointing.servo.second_stage import StagePlant
 from rf_pointing.station.antenna.axes import Following
 from rf_pointing.station.antenna.control_unit import ControlUnit
-from rf_pointing.station.antenna.loops import LoopParams
+from rf_pointing.station.antenna.loops import AxisLoops, LoopParams
 from rf_pointing.station.antenna.modes import AntennaMode
 from rf_pointing.station.antenna.mount import MountParams, SimulatedBeam
 from rf_pointing.station.antenna.safety import SafetyParams
+from rf_pointing.station.antenna.second_stage import StageLoop
+from rf_pointing.station.antenna.stage_design import StageDesign, design_stage
 
 LONGEST_STOP_S = 30.0
 SPIKE_TICKS = 2
@@ -56,6 +60,13 @@ class AntennaParams(Params):
     wind: WindParams = parameter(WindParams(), "wind at the dish")
     mount: MountParams = parameter(MountParams(), "errors of the mount")
     safety: SafetyParams = parameter(SafetyParams(), "limits of trust, park and stow position")
+    second_stage: SecondStageParams = parameter(SecondStageParams(), "fast actuator of the beam")
+
+    def stage_design(self) -> StageDesign:
+        """Return what the second stage does here; ValueError where the device closes the loop."""
+        tick_s = self.antenna.tick_s
+        laws = AxisLoops(self.loops, self.plant, tick_s).in_force
+        return design_stage(self.second_stage, self.plant, laws, self.wind, tick_s)
 
 
 class InjectedFaults:
@@ -117,6 +128,7 @@ class SimulatedHardware(AntennaPlant):
         self.injected = InjectedFaults()
         self._wind: WindSource = Wind(params.wind, random_stream(seed, "wind"))
         self._torque = np.zeros(2)
+        self.stage = StagePlant(params.second_stage) if params.second_stage.present else None
         self._beam = SimulatedBeam(
             params.mount, params.antenna.lag_averaging_s, self._tick_s, params.safety.kinematics
         )  # fmt: skip
@@ -136,7 +148,10 @@ class SimulatedHardware(AntennaPlant):
 
     def look(self, t_s: float) -> Boresight:
         """Return the true direction of the beam, and let the wind blow on it for this tick."""
-        boresight = self._beam.boresight(t_s, self.beam_rad, self.velocity_rad_s)
+        beam = self.beam_rad
+        if self.stage is not None:
+            beam = beam + axes_from_sky(self.stage.deflection_rad, float(beam[1]))
+        boresight = self._beam.boresight(t_s, beam, self.velocity_rad_s)
         # At the true boresight: the wind does not know what the encoders show.
         self._torque = self._wind.step(self._tick_s, boresight.azimuth_rad, boresight.elevation_rad)
         return boresight
@@ -150,6 +165,8 @@ class SimulatedHardware(AntennaPlant):
         if self.injected.kind == "runaway":
             rate_command_rad_s = np.array((self.injected.value, rate_command_rad_s[1]))
         self.step(rate_command_rad_s, self._torque, self._tick_s)
+        if self.stage is not None:
+            self.stage.step(self._tick_s)
 
     def encoders(self) -> Pair:
         """Return the angles that the encoders show."""
@@ -174,6 +191,8 @@ class SimulatedAntenna(ControlUnit):
         super().__init__(
             self.hardware, params.loops, params.plant, params.safety, params.antenna.tick_s, params.antenna.start_rad
         )
+        if self.hardware.stage is not None:
+            self.stage = StageLoop(self.hardware.stage, params.stage_design())
 
     def step(self, t_s: float) -> tuple[JointReading, Boresight]:
         """Return encoder reading and true boresight at `t_s`, then advance by one tick."""

@@ -4,6 +4,7 @@ import math
 
 from rf_pointing.core.angles import MDEG
 from rf_pointing.core.derived import Rows, Value, rounded, tuned
+from rf_pointing.core.parameters import flat
 from rf_pointing.station.derive import axes
 from rf_pointing.station.derive.band import REFERENCE_M, Band
 from rf_pointing.station.derive.signal import level_known
@@ -52,6 +53,18 @@ def integrator(of: Band) -> Rows:
         ),
         "sample_s": Value(of.content.receiver.power_period_s, "receiver.power_period_s"),
     }  # fmt: skip
+
+
+def second_stage(of: Band) -> Rows:
+    """The fast actuator before the mount, and the tracking loop around it."""
+    section = of.content.second_stage
+    if section is None:
+        return {}
+    given = flat(of.content.tuning) | flat(of.section.tuning)
+    bandwidth_hz = given.get("integrator.bandwidth_hz", integrator(of)["bandwidth_hz"].value)
+    return {name: Value(each, f"second_stage.{name}") for name, each in vars(section).items()} | {
+        "radio_bandwidth_hz": tuned(float(bandwidth_hz), "integrator.bandwidth_hz")
+    }
 
 
 def trim(of: Band) -> Rows:

@@ -20,6 +20,7 @@ from rf_pointing.station.description.content import (
     Content,
     DishSection,
     MountSection,
+    SecondStageSection,
     SiteSection,
 )
 from rf_pointing.tracking.sensors import SENSORS
@@ -36,7 +37,7 @@ def antenna_servo(of: Band) -> Derived:
     """The antenna's control unit, and the truth of a simulated one."""
     from rf_pointing.station.antenna.operation import ServoNodeParams
     from rf_pointing.station.antenna.simulated_antenna import AntennaParams
-    from rf_pointing.station.derive import axes, watches
+    from rf_pointing.station.derive import axes, loop, watches
     from rf_pointing.station.derive.plants import plant_and_loops
 
     simulation = of.content.simulation
@@ -66,6 +67,7 @@ def antenna_servo(of: Band) -> Derived:
             "sun": axes.sun(of),
             "at_rest": axes.sun_at_rest(of),
         },
+        "second_stage": loop.second_stage(of),
     }
     trial = ("antenna.", "mount.", "wind.mean_speed_m_s", "wind.from_azimuth_deg")
     return Derived(AntennaParams().sets(), rows, trial, {"": ServoNodeParams(), **KEY})
@@ -316,6 +318,7 @@ def reference(node: str) -> Derived:
         mount=MountSection(azimuth=axis, elevation=axis),
         dish=DishSection(diameter_m=5.0),
         array=ArraySection(),
+        second_stage=SecondStageSection(travel_deg=0.1, bandwidth_hz=5.0),
         bands={"X": BandSection(frequency_mhz=8450.0)},
     )
     return NODES[node](Band(content, "X"))

@@ -24,6 +24,7 @@ from rf_pointing.station.derive.axes import kinematics_of
 from rf_pointing.station.derive.band import BEAM_FACTOR_DEG, SPEED_OF_LIGHT_M_S, pass_elevation_deg
 from rf_pointing.station.derive.nodes import NODES, described_parameters, reference
 from rf_pointing.station.derive.signal import OPEN
+from rf_pointing.station.derive.watches import takes_rates
 from rf_pointing.station.description.content import (
     AZIMUTH_TEXT,
     ELEVATION_TEXT,
@@ -70,6 +71,10 @@ def check(content: Content, reader: Reader, nodes: tuple[str, ...]) -> HorizonMa
     if kind not in ("simulated", "topic") and not takes_positions(kind) and kind not in known_types():
         known = one_of(kind, ("simulated", "topic", *known_types()))
         reader.note("drive.type", f"drive.type={kind!r} must be {known}")
+    positions = kind != "simulated" and not takes_rates(content.drive or {})
+    if content.second_stage is not None and positions:
+        why = "takes positions and closes its loop itself, a second stage needs rates"
+        reader.note("second_stage", f"second_stage: drive.type={kind!r} {why}")
     if content.receiver is not None:
         _check_receiver(content.receiver, content.receiver, "receiver", reader)
     if content.simulation is not None and "antenna_servo" in nodes:

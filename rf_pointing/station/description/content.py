@@ -366,6 +366,16 @@ class SimulatedWindSection:
 
 
 @dataclass(frozen=True, kw_only=True)
+class SecondStageSection:
+    """A steering mirror, subreflector, hexapod or feed table that moves the beam."""
+
+    travel_deg: float = parameter(description="largest deflection, each way", low=1e-5, high=5.0)
+    rate_deg_s: float = parameter(1.0, "largest rate of the deflection", low=1e-4, high=500.0)
+    bandwidth_hz: float = parameter(description="-3 dB bandwidth of its loop", low=0.1, high=2000.0)
+    latency_s: float = parameter(0.02, "time from a command to its motion", low=0.0, high=2.0)
+
+
+@dataclass(frozen=True, kw_only=True)
 class SimulationSection:
     """The truth of a simulated station: what its nodes have to correct.  A trial may change it."""
 
@@ -396,6 +406,9 @@ class Content:
     default_band: str = parameter("", "band that is used when none is named; empty: the first one")
     bands: dict[str, BandSection] = parameter(description="frequency bands by their names, as S, X, Ka, UHF")
     drive: Open = section("its type and the keys of that type", lambda: {"type": "simulated"})
+    second_stage: SecondStageSection | None = parameter(
+        None, "fast actuator before the mount; omit for an antenna without one"
+    )
     receiver: ReceiverSection = section("the receiver", ReceiverSection)
     radio: RadioSection | None = parameter(None, "frequencies and transmitter; omit for a station without a radio")
     simulation: SimulationSection = section("truth of the simulated antenna and receiver", SimulationSection)

@@ -136,6 +136,8 @@ class StationDescription:
             # As recordings have it from before there were other mounts.
             for name in ("type", "axes", "lower_axis", "tilt_deg"):
                 del content["mount"][name]
+        if self.content.second_stage is None:
+            del content["second_stage"]
         for name, section in content["bands"].items():
             if section["feed_offset"] is None:
                 del section["feed_offset"]
