@@ -6,8 +6,8 @@ The mount never sees the deflection: its own integral brings e, and with it d, t
 offload, and the loop of the mount stays what it was.  The taps p predict e over the latency of the
 stage (`station/antenna/stage_design.py`).
 
-Where the mount is too far off for longer than `hand_back_s`, the stage hands back: it returns to
-its centre at its rate, and follows again once e has been within half of its travel for as long.
+Where the mount is too far off for longer than `hand_back_s`, the stage returns to its
+centre at its rate, and follows again once e has been within half of its travel for as long.
 """
 
 import copy
@@ -69,7 +69,7 @@ class SecondStage:
         return state.command_rad.copy()
 
     def _judge(self, residual: Array, wanted: Array, dt_s: float) -> None:
-        """Hand back, or follow again, once that has been due for long enough."""
+        """Leave the mount alone, or follow again, once that has been due for long enough."""
         state, travel = self._state, self.params.travel_rad
         if state.handed_back:
             due = float(np.max(np.abs(residual))) <= RESUMED * travel

@@ -5,12 +5,14 @@ no longer commanded off its centre, and its last deflection counts: it stays whe
 """
 
 import math
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from rf_pointing.controllers.second_stage import SecondStage
 from rf_pointing.core.second_stage import axes_from_sky, sky_from_axes
 from rf_pointing.core.types import Array
-from rf_pointing.station.antenna.stage_design import StageDesign
+
+if TYPE_CHECKING:
+    from rf_pointing.station.antenna.stage_design import StageDesign
 
 LONGEST_TICK_S = 1.0
 
@@ -29,7 +31,7 @@ class StageDevice(Protocol):
 class StageLoop:
     """One antenna's stage; ValueError for one that would not serve this antenna."""
 
-    def __init__(self, device: StageDevice, design: StageDesign) -> None:
+    def __init__(self, device: StageDevice, design: "StageDesign") -> None:
         design.require_useful()
         self.device, self._follows = device, False
         self._law = SecondStage(design.params, design.taps)

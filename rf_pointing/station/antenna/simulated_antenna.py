@@ -6,6 +6,7 @@ be injected.  Only this module knows where the beam really points.
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -22,7 +23,9 @@ from rf_pointing.station.antenna.modes import AntennaMode
 from rf_pointing.station.antenna.mount import MountParams, SimulatedBeam
 from rf_pointing.station.antenna.safety import SafetyParams
 from rf_pointing.station.antenna.second_stage import StageLoop
-from rf_pointing.station.antenna.stage_design import StageDesign, design_stage
+
+if TYPE_CHECKING:
+    from rf_pointing.station.antenna.stage_design import StageDesign
 
 LONGEST_STOP_S = 30.0
 SPIKE_TICKS = 2
@@ -62,8 +65,11 @@ class AntennaParams(Params):
     safety: SafetyParams = parameter(SafetyParams(), "limits of trust, park and stow position")
     second_stage: SecondStageParams = parameter(SecondStageParams(), "fast actuator of the beam")
 
-    def stage_design(self) -> StageDesign:
+    def stage_design(self) -> "StageDesign":
         """Return what the second stage does here; ValueError where the device closes the loop."""
+        # Imported here: it loads scipy, which most antennas do without.
+        from rf_pointing.station.antenna.stage_design import design_stage
+
         tick_s = self.antenna.tick_s
         laws = AxisLoops(self.loops, self.plant, tick_s).in_force
         return design_stage(self.second_stage, self.plant, laws, self.wind, tick_s)

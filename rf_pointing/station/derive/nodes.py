@@ -27,8 +27,6 @@ from rf_pointing.tracking.sensors import SENSORS
 
 RADIO_PORT = 4534
 """Port of radio_control: Hamlib's own are 4532 for a rig and 4533 for a rotator."""
-
-
 KEY = {"key": own.CommandKeyParams()}
 """The set of every node that signs what it sends, by its group."""
 
@@ -57,18 +55,12 @@ def antenna_servo(of: Band) -> Derived:
         "wind": wind | {"dish_diameter_m": Value(of.wind_diameter_m, "dish.diameter_m", "1 m without a dish")},
         "mount": axes.mount_errors(of),
         "safety": {
-            **axes.rest(of),
-            "watch": watches.encoder_watch(of),
-            "drive": watches.drive_watch(of),
-            "wind": axes.wind_limits(of),
-            "gate": axes.gate(of),
-            "mask": axes.mask(of),
-            "kinematics": axes.kinematics(of),
-            "sun": axes.sun(of),
-            "at_rest": axes.sun_at_rest(of),
+            **axes.rest(of), "watch": watches.encoder_watch(of), "drive": watches.drive_watch(of),
+            "wind": axes.wind_limits(of), "gate": axes.gate(of), "mask": axes.mask(of),
+            "kinematics": axes.kinematics(of), "sun": axes.sun(of), "at_rest": axes.sun_at_rest(of),
         },
         "second_stage": loop.second_stage(of),
-    }
+    }  # fmt: skip
     trial = ("antenna.", "mount.", "wind.mean_speed_m_s", "wind.from_azimuth_deg")
     return Derived(AntennaParams().sets(), rows, trial, {"": ServoNodeParams(), **KEY})
 
@@ -235,12 +227,11 @@ def bias_calibrator(of: Band) -> Derived:
     h = of.beamwidth_deg
     largest = rounded(0.1 * h, 1 if h < 0.05 else 2)
     rows = {
-        "station": Value(of.content.name, "name"),
-        "band": Value(of.name, "bands"),
+        "station": Value(of.content.name, "name"), "band": Value(of.name, "bands"),
         "model_file": Value(of.model_file, "bands.*.bias_model"),
         "sigma_deg": tuned(min(rounded(0.03 * h, 1), 5.0), "0.03 h, at most 5 deg"),
         "largest_error_deg": tuned(min(largest, 5.0), "0.1 h" if largest <= 5.0 else "5 deg, less than 0.1 h"),
-    }
+    }  # fmt: skip
     sets = {"calibrator": CalibratorParams(), "shadow": AcceptanceRules(), "orbit": ORBIT}
     return Derived(sets, {"calibrator": rows}, ("calibrator.", "shadow.", "orbit."))
 
@@ -312,15 +303,11 @@ def reference(node: str) -> Derived:
     """
     axis = AxisSection(travel_deg=(0.0, 90.0), rate_deg_s=1.0)
     content = Content(
-        version=VERSION,
-        name="",
-        site=SiteSection(latitude_deg=0.0, longitude_deg=0.0),
-        mount=MountSection(azimuth=axis, elevation=axis),
-        dish=DishSection(diameter_m=5.0),
-        array=ArraySection(),
+        version=VERSION, name="", site=SiteSection(latitude_deg=0.0, longitude_deg=0.0),
+        mount=MountSection(azimuth=axis, elevation=axis), dish=DishSection(diameter_m=5.0),
+        array=ArraySection(), bands={"X": BandSection(frequency_mhz=8450.0)},
         second_stage=SecondStageSection(travel_deg=0.1, bandwidth_hz=5.0),
-        bands={"X": BandSection(frequency_mhz=8450.0)},
-    )
+    )  # fmt: skip
     return NODES[node](Band(content, "X"))
 
 

@@ -71,10 +71,8 @@ def check(content: Content, reader: Reader, nodes: tuple[str, ...]) -> HorizonMa
     if kind not in ("simulated", "topic") and not takes_positions(kind) and kind not in known_types():
         known = one_of(kind, ("simulated", "topic", *known_types()))
         reader.note("drive.type", f"drive.type={kind!r} must be {known}")
-    positions = kind != "simulated" and not takes_rates(content.drive or {})
-    if content.second_stage is not None and positions:
-        why = "takes positions and closes its loop itself, a second stage needs rates"
-        reader.note("second_stage", f"second_stage: drive.type={kind!r} {why}")
+    if content.second_stage and kind != "simulated" and not takes_rates(content.drive or {}):
+        reader.note("second_stage", f"second_stage: drive.type={kind!r} takes positions, not rates")
     if content.receiver is not None:
         _check_receiver(content.receiver, content.receiver, "receiver", reader)
     if content.simulation is not None and "antenna_servo" in nodes:

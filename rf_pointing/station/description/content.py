@@ -59,11 +59,9 @@ class AxisSection:
         None, "smallest step that the encoder or the rotator shows, in place of encoder_bits", low=1e-9, high=5.0
     )
     hard_stop_deg: Pair | None = parameter(
-        None,
-        "mechanical stops; default: 5 deg (azimuth) and 2 deg (elevation) outside the travel",
-        low=-1100.0,
-        high=1100.0,
-    )
+        None, "mechanical stops; default: 5 deg (azimuth) and 2 deg (elevation) outside the travel",
+        low=-1100.0, high=1100.0,
+    )  # fmt: skip
     backlash_deg: float | None = parameter(
         None, "half width of the gear's play; default: 0.003 deg or a tenth of a beamwidth step", low=0.0, high=0.5
     )
@@ -115,11 +113,9 @@ class MountSection:
         low=-1000.0, high=1000.0,
     )  # fmt: skip
     stow_elevation_deg: float | None = parameter(
-        None,
-        "angle of the upper axis at which the wind does least; default: that nearest to the zenith",
-        low=-180.0,
-        high=180.0,
-    )
+        None, "angle of the upper axis where the wind does least; default: nearest to the zenith",
+        low=-180.0, high=180.0,
+    )  # fmt: skip
     horizon_deg: tuple[Pair, ...] | None = parameter(
         None, "horizon mask: azimuth and lowest elevation of its points, rising; default: none", low=-12.0, high=360.0
     )
@@ -406,9 +402,7 @@ class Content:
     default_band: str = parameter("", "band that is used when none is named; empty: the first one")
     bands: dict[str, BandSection] = parameter(description="frequency bands by their names, as S, X, Ka, UHF")
     drive: Open = section("its type and the keys of that type", lambda: {"type": "simulated"})
-    second_stage: SecondStageSection | None = parameter(
-        None, "fast actuator before the mount; omit for an antenna without one"
-    )
+    second_stage: SecondStageSection | None = parameter(None, "fast actuator; omit without one")
     receiver: ReceiverSection = section("the receiver", ReceiverSection)
     radio: RadioSection | None = parameter(None, "frequencies and transmitter; omit for a station without a radio")
     simulation: SimulationSection = section("truth of the simulated antenna and receiver", SimulationSection)

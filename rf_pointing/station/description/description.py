@@ -159,9 +159,8 @@ class StationDescription:
             tuning = (("tuning", self.content.tuning), (f"bands.{chosen}.tuning", numbers.section.tuning))
             given = {
                 name: Value(value, f"{key}.{name}", "given")
-                for key, section in tuning
-                for name, value in flat(section).items()
-            }
+                for key, section in tuning for name, value in flat(section).items()
+            }  # fmt: skip
             self._derived[node, chosen] = dataclasses.replace(NODES[node](numbers), given=given)
         return self._derived[node, chosen]
 
