@@ -1,10 +1,11 @@
 """Fly a pass over two computers, cut their link for five seconds, and print hop times, losses and the clock's offset.
 
     sudo scripts/run-python benchmarks/two_computers.py [--server] [--offset 0.05] [--seconds 20]
-    sudo scripts/run-python benchmarks/two_computers.py --discovery 12 60 [--server]
+    sudo scripts/run-python benchmarks/two_computers.py --discovery 12 60 [--server | --peers]
 
 The computers are two network namespaces of the kernel with a veth pair: ephemeris, controller and tracker on one,
-control unit and receiver on the other.  --server: a Fast DDS discovery server on the first in place of multicast.
+control unit and receiver on the other.  --server: a Fast DDS discovery server on the first in place of multicast,
+--peers: the address of each computer is known to the other (ROS_STATIC_PEERS); the link then carries no multicast.
 --offset: the clock of the second is ahead by so many s, made by libfaketime.  --discovery: how long so many
 participants need to find each other, and what that sends over the link.  Prints JSON.
 """
@@ -100,16 +101,20 @@ def why_not() -> str:
 
 
 @contextmanager
-def computers(folder: Path, *, server: bool) -> Iterator[Computers]:
-    """Two connected computers; their nodes find each other by multicast, or at a server on the first."""
+def computers(folder: Path, *, server: bool, peers: bool = False) -> Iterator[Computers]:
+    """Two connected computers; their nodes find each other by multicast, by addresses, or at a server on the first."""
     environment = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET", "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4"}
     if server:
         environment["ROS_DISCOVERY_SERVER"] = f"{ADDRESSES[0]}:{SERVER_PORT}"
+    if peers:
+        environment |= {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST", "ROS_STATIC_PEERS": ";".join(ADDRESSES)}
     both = Computers(environment, folder)
     # Neither the loopback profile of this computer nor its range is for two.
     os.environ.pop("FASTRTPS_DEFAULT_PROFILES_FILE", None)
     try:
         both.connect()
+        for name in both.names if server or peers else ():
+            ip("-n", name, "link", "set", "rfp0", "multicast", "off")
         if server:
             program = Path(sys.prefix) / "bin" / "fast-discovery-server"
             both.start(0, [str(program), "-i", "0", "-l", ADDRESSES[0], "-p", str(SERVER_PORT)], "server")
@@ -307,9 +312,9 @@ def echo() -> None:
             executor.spin_once(timeout_sec=0.2)
 
 
-def discover(count: int, *, server: bool) -> dict[str, Any]:
+def discover(count: int, *, server: bool, peers: bool) -> dict[str, Any]:
     """Return how long `count` participants, half on each computer, need until each has found its partners."""
-    with TemporaryDirectory() as name, computers(Path(name), server=server) as both:
+    with TemporaryDirectory() as name, computers(Path(name), server=server, peers=peers) as both:
         folder, half = Path(name), count // 2
         reports = [folder / f"{side}.json" for side in (0, 1)]
         for side in (0, 1):
@@ -326,7 +331,7 @@ def discover(count: int, *, server: bool) -> dict[str, Any]:
         counts = json.loads(shown.stdout)[0]["stats64"]
         found = [json.loads(each.read_text()) for each in reports]
         return {
-            "participants": 2 * half, "server": server, "found_after_s": max(each["found_s"] for each in found),
+            "participants": 2 * half, "server": server, "peers": peers, "found_after_s": max(each["found_s"] for each in found),
             "link_mb": (counts["rx"]["bytes"] + counts["tx"]["bytes"]) / 1e6,
         }  # fmt: skip
 
@@ -364,6 +369,7 @@ def main() -> None:
     """Run one measurement, or one of its parts."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--server", action="store_true")
+    parser.add_argument("--peers", action="store_true")
     parser.add_argument("--offset", type=float, default=0.0)
     parser.add_argument("--seconds", type=float, default=20.0)
     parser.add_argument("--discovery", type=int, nargs="+", default=[])
@@ -383,7 +389,7 @@ def main() -> None:
         sys.exit(reason)
     elif options.discovery:
         for count in options.discovery:
-            print(json.dumps(discover(count, server=options.server)), flush=True)
+            print(json.dumps(discover(count, server=options.server, peers=options.peers)), flush=True)
     else:
         print(json.dumps(fly(server=options.server, offset_s=options.offset, seconds=options.seconds), indent=1))
 

@@ -1,9 +1,10 @@
-"""Executable `operator_page`: the station in a browser, and its commands for who has the token.
+"""Executable `operator_page`: one antenna or a network in a browser, and commands with a token.
 
     ros2 run rf_pointing operator_page --ros-args -r __ns:=/gs1
+    ros2 run rf_pointing operator_page --ros-args -r __ns:=/network -p page.antennas:=/gs1,/gs2
 
-Subscribes: antenna_status, tracking_status, joint_states, target, passes, pass_profiles,
-pass_certificate, schedule, executive_status, station_in_use, /diagnostics of its namespace.
+Subscribes, in the namespace of each antenna: antenna_status, tracking_status, joint_states, target,
+passes, pass_profiles, pass_certificate, schedule, executive_status, station_in_use; /diagnostics.
 Requests: services, actions and parameters of the other nodes, as every other client.
 Parameters: page.* (address, port, token, reports), command_key_file (signs the calls).
 
@@ -11,44 +12,29 @@ The page moves nothing by itself.  A pass that it has started goes on without it
 """
 
 import time
-from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
-from rf_pointing_msgs import msg as ours
-from sensor_msgs.msg import JointState
 
+from rf_pointing.core.dates import utc_text
 from rf_pointing.core.secret_files import read_token
-from rf_pointing.ros import convert, station_view
+from rf_pointing.ros.antenna_view import GRAPH_S, AntennaView, antennas_in_graph
 from rf_pointing.ros.command_key import CommandKeyParams
-from rf_pointing.ros.convert_planning import profile_from_message
 from rf_pointing.ros.diagnostics import LEVELS
-from rf_pointing.ros.directives import DirectiveSender
-from rf_pointing.ros.graph import EXECUTIVE_STATUS, OPERATOR_PAGE, SCHEDULE, STATION_IN_USE
+from rf_pointing.ros.graph import OPERATOR_PAGE
 from rf_pointing.ros.lifecycle import LifecycleParams
 from rf_pointing.ros.main_loop import run
 from rf_pointing.ros.managed import ManagedNode
-from rf_pointing.ros.qos import IN_USE, LATCHED, STATUS, STREAM
-from rf_pointing.ros.repeated_call import ParametersOf
-from rf_pointing.station.clients.board import JOG, LONGEST_TEXT, READ, Board, PageParams
+from rf_pointing.ros.qos import STREAM
+from rf_pointing.station.clients import network
+from rf_pointing.station.clients.board import ALL, JOG, LONGEST_TEXT, MOST_ANTENNAS, SLOW_S, PageParams, namespaces_of
 from rf_pointing.tracking.sensors import load_trackers
-from rf_pointing.web.metrics import board_metrics
+from rf_pointing.web.metrics import board_metrics, labelled
 from rf_pointing.web.page_server import PageServer, report
 
-PARAMETERS_S = 5.0  # Wall time between two requests for the limits in force.
-STREAMS = {
-    "antenna": (ours.AntennaStatus, "antenna_status", STATUS), "tracking": (ours.TrackingStatus, "tracking_status", STREAM),
-    "target": (ours.Target, "target", STREAM),
-}  # fmt: skip
-SECTIONS = {
-    "passes": (ours.PassList, "passes", station_view.passes_values, LATCHED),
-    "schedule": (ours.Schedule, SCHEDULE, station_view.schedule_values, LATCHED),
-    "certificate": (ours.PassCertificate, "pass_certificate", station_view.certificate_values, LATCHED),
-    "executive": (ours.ExecutiveStatus, EXECUTIVE_STATUS, station_view.executive_values, STATUS),
-    "station": (ours.StationInUse, STATION_IN_USE, lambda m: {"name": m.station, "band": m.band}, IN_USE),
-}
-"""Sections of the page by name: the message, its topic, and its values."""
+NETWORK_S = 0.5
+"""Wall time between two views of a network; after 1.5 s a page reports a lost connection."""
 
 
 class OperatorPage(ManagedNode):
@@ -67,82 +53,96 @@ class OperatorPage(ManagedNode):
             raise ValueError("; ".join(self.parameters.reasons))
 
     def configure(self) -> None:
-        params: PageParams = self.parameters.value("page")
-        self._board = board = Board(params.rate_hz, self.get_namespace(), self._send)
-        key = self.parameters.value("key")
-        self._sender = DirectiveSender(self, board.rows, {}, board.responded, board.ended, key)
-        self._readers = {node: ParametersOf(self, node, names, PARAMETERS_S) for node, names in READ.items()}
-        for part in (self._sender, *self._readers.values()):
-            self._at_cleanup.callback(part.close)
-        self._newest: dict[str, Any] = {}
-        self._streams = {
-            name: self.listen_latest(kind, topic, lambda m: m, qos, required=True)
-            for name, (kind, topic, qos) in STREAMS.items()
-        }
-        joints = convert.joints_from_message
-        self._streams["joints"] = self.listen_latest(JointState, "joint_states", joints, STREAM, required=True)
-        for name, (kind, topic, values, qos) in SECTIONS.items():
-            self.listen(kind, topic, partial(self._keep, name, values), qos)
-        profiles = lambda m: board.take_profiles([profile_from_message(each) for each in m.profiles])  # noqa: E731
-        self.listen(ours.PassProfileList, "pass_profiles", profiles, LATCHED)
-        self.listen(DiagnosticArray, "/diagnostics", self._on_diagnostics, STREAM)
-        token, path = read_token("token_file", params.token_file, self.lock.path.with_suffix(".token"))
-        self._server = PageServer(params, token)
+        self._params: PageParams = self.parameters.value("page")
+        self._views: dict[str, AntennaView] = {}
+        self._lines: dict[str, dict[str, Any]] = {}
+        self._metrics: dict[str, Any] = {}
+        self._looked_s = self._shown_s = 0.0
+        token, path = read_token("token_file", self._params.token_file, self.lock.path.with_suffix(".token"))
+        self._server = PageServer(self._params, token)
         self._at_cleanup.callback(setattr, self, "_server", None)
         self._at_cleanup.callback(self._server.close)
+        if self._params.antennas != ALL:
+            for each in namespaces_of(self._params.antennas) or [""]:
+                self._add(each, self._server)
+        self.listen(DiagnosticArray, "/diagnostics", self._on_diagnostics, STREAM)
         self.diagnostics.add_report("page", lambda: report(self._server))
         self.get_logger().info(f"operator's page at {self._server.address}; the token of commands is in {path}")
 
+    def _add(self, namespace: str, server: PageServer) -> None:
+        view = AntennaView(self, namespace, self._params.rate_hz, self.parameters.value("key"))
+        self._views[view.path] = view
+        self._at_cleanup.callback(view.close)
+        if view.path:
+            server.app.add(view.path)
+
     def turn(self) -> float:
-        if self._server is None:
+        server = self._server
+        if server is None:
             return super().turn()
-        due = self._board.turn(time.monotonic(), time.time(), self._server.app.viewers)
-        while not self._server.requests.empty():
-            each = self._server.requests.get()
+        now_s, utc_s = time.monotonic(), time.time()
+        if self._params.antennas == ALL and now_s >= self._looked_s + GRAPH_S:
+            self._looked_s = now_s
+            self._find(server)
+        views, watching = list(self._views.values()), server.app.watching
+        due = [each for each in views if each.board.turn(now_s, utc_s, watching(each.path))]
+        while not server.requests.empty():
+            each = server.requests.get()
             try:
                 if each.name != JOG:
-                    self.get_logger().info(f"{each.name[:LONGEST_TEXT]!r} {each.arguments} requested by {each.who}")
-                self._board.request(each.name, each.arguments, each.reply)
+                    wanted = f"{each.name[:LONGEST_TEXT]!r} {each.arguments} requested by"
+                    self.get_logger().info(f"{wanted} {each.who} {each.antenna}".rstrip())
+                if each.antenna not in self._views:
+                    raise ValueError("a command goes to one antenna: open its page")
+                self._views[each.antenna].board.request(each.name, each.arguments, each.reply)
             except Exception as error:
                 self.survived("a command", error)
                 each.reply(False, f"{type(error).__name__}: {error}")
-        self._sender.poll()
-        if due:
+        for view in views:
+            view.poll()
+        shows = [partial(self._show, view, server) for view in due]
+        if self._params.antennas and now_s >= self._shown_s + NETWORK_S:
+            self._shown_s = now_s
+            shows.append(partial(self._show_network, server, utc_s))
+        for show in shows:
             try:
-                self._show(self._server)
+                show()
             except Exception as error:
-                # What cannot be shown must not take the commands with it.
+                # What cannot be shown takes neither the commands nor another antenna with it.
                 self.survived("what is shown", error)
-        return self._board.wait_s
+        return min((each.board.wait_s for each in views), default=SLOW_S)
 
-    def _keep(self, name: str, values: Callable[[Any], Any], message: Any) -> None:
-        # A message without values leaves the one before it, on the board and here.
-        self._board.keep(name, values(message))
-        self._newest[name] = message
+    def _find(self, server: PageServer) -> None:
+        """Add the antennas that have appeared in the graph; those that leave it stay, as silent."""
+        for namespace in antennas_in_graph(self):
+            if namespace.lstrip("/") not in self._views and len(self._views) < MOST_ANTENNAS:
+                self._add(namespace, server)
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
             level = LEVELS.index(status.level) if status.level in LEVELS else 2
-            self._board.note_check(status.hardware_id, status.name.partition(": ")[2], level, status.message)
+            for view in self._views.values():
+                check = status.name.partition(": ")[2]
+                view.board.note_check(status.hardware_id, check, level, status.message)
 
-    def _show(self, server: PageServer) -> None:
-        for name, stream in self._streams.items():
-            if (message := stream.take()) is not None:
-                self._newest[name] = message
-                self._board.seen(name)
-        board, live = self._board, station_view.live_values(self._newest)
-        server.app.measured = time.monotonic(), board_metrics(live, board.age_s, board.kept, board.nodes)
-        if not server.app.viewers:
-            return
-        for node, reader in self._readers.items():
-            if refused := board.take_parameters(node, reader.take()):
-                self.inputs.note_refusal("get_parameters", refused)
-        server.put(board.sections(live))
+    def _show(self, view: AntennaView, server: PageServer) -> None:
+        live, board = view.take(), view.board
+        families = board_metrics(live, board.age_s, board.kept, board.nodes)
+        if view.path:
+            self._metrics[view.namespace] = families
+            self._lines[view.namespace] = view.line(live)
+        else:
+            server.app.measured = time.monotonic(), families
+        if server.app.watching(view.path):
+            server.put(view.sections(live), view.path)
 
-    def _send(self, number: int, name: str, arguments: Mapping[str, Any]) -> None:
-        if name == "track":
-            arguments = {**arguments, "target_pass": self._newest["passes"].passes[arguments["target_pass"]]}
-        self._sender.send(number, name, arguments)
+    def _show_network(self, server: PageServer, utc_s: float) -> None:
+        server.app.measured = time.monotonic(), labelled(self._metrics)
+        if server.app.watching(""):
+            views = self._views.values()
+            alarms = network.merged_alarms({each.namespace: network.alarms_of(each.board) for each in views})
+            lines = network.worst_first(network.with_same_names(list(self._lines.values())))
+            server.put({"lines": lines, "alarms": alarms, "utc": utc_text(utc_s)})
 
 
 def main() -> None:

@@ -66,14 +66,15 @@ class DirectiveSender:
     """The clients of one dictionary; `responded` and `ended` take what comes back.
 
     `answered` takes the answers of services with their whole messages, in place of `responded`.
+    The addresses of `rows` are below `space`: "" is the namespace of the node.
     """
 
     def __init__(
         self, node: Node, rows: Mapping[str, DirectiveRow], own: Mapping[str, Callable[..., str]],
-        responded: Responded, ended: Ended, key: CommandKeyParams, answered: Answered | None = None,
+        responded: Responded, ended: Ended, key: CommandKeyParams, answered: Answered | None = None, space: str = "",
     ) -> None:  # fmt: skip
-        self._node, self._rows, self._own = node, rows, own
-        self._caller = Caller(node, CommandKey(key))
+        self._node, self._rows, self._own, self._space = node, rows, own, space
+        self._caller = Caller(node, CommandKey(key), space)
         self._responded, self._ended = responded, ended
         self._answers = answered or (lambda number, accepted, text, _: responded(number, accepted, text))
         self._clients: dict[str, Any] = {}
@@ -88,7 +89,7 @@ class DirectiveSender:
         if row.kind == "parameter":
             owner = row.address.rpartition("/")[0]
             self._clients[row.name] = self._node.create_client(
-                SetParametersAtomically, f"{owner}/set_parameters_atomically"
+                SetParametersAtomically, f"{self._space}{owner}/set_parameters_atomically"
             )
             return
         kind = type_of(row.type_name)
@@ -96,7 +97,9 @@ class DirectiveSender:
         unknown = [name for name in row.takes if not hasattr(blank, name)]
         if unknown:
             raise ValueError(f"directive {row.name}: {row.type_name} has no field {', '.join(unknown)}")
-        make = self._caller.client if row.kind == "service" else lambda t, n: ActionClient(self._node, t, n)
+        make = (
+            self._caller.client if row.kind == "service" else lambda t, n: ActionClient(self._node, t, self._space + n)
+        )
         self._clients[row.name] = make(kind, row.address)
 
     def close(self) -> None:

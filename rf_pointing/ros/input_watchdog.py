@@ -26,6 +26,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
+from weakref import WeakKeyDictionary
 
 from diagnostic_msgs.msg import DiagnosticArray
 
@@ -42,6 +43,8 @@ RECEIVED_S, PROVED_S = 5.0, 10.0
 """A neighbour counts as received for so long after its last message; what others have received all
 the time for longer, and this node has not, is lost here."""
 FEWEST = 2
+SHARED_S = 0.9  # Nodes of a process look at the graph together: among many antennas a look is long.
+_shared = WeakKeyDictionary[Any, tuple[float, set[str]]]()
 OF_ALL = {TOPIC, "/rosout", "/parameter_events", "/clock"}
 """Topics that say nothing of who needs whom."""
 # The message of the status `state`: a string is its length, its bytes and a zero, aligned.
@@ -52,10 +55,8 @@ RECEIVED = re.compile(rb"\x09\x00\x00\x00received\x00.{7}((?:[ -~]+ )?)\x00", re
 
 @dataclass
 class _Neighbour:
-    """When something of a node arrived last (s, steady), whether it then was active, and whom it
-    receives itself, None where it does not say so.
-
-    `heard_s` begins with the time at which it appeared, `taken_s` with its first message.
+    """When something of a node arrived last (s, steady; `heard_s` begins when it appeared), whether
+    it then was active, and whom it receives itself, None where it does not say so.
     """
 
     heard_s: float
@@ -87,20 +88,16 @@ class InputWatchdog:
         self._node, self._steady_s = node, steady_s
         self._own = node.get_fully_qualified_name()
         self._neighbours: dict[str, _Neighbour] = {}
-        self._inputs: list[_Input] = []
-        self._required: dict[str, float] = {}
+        self._inputs, self._required = list[_Input](), dict[str, float]()
         self._looked: tuple[float, float] | None = None
         self._readable, self._unreadable_s = False, 0.0
-        self._lost_s: dict[str, float] = {}
-        self._mute_s: dict[str, float] = {}
+        self._lost_s, self._mute_s = dict[str, float](), dict[str, float]()
         self.deaf = ""
         node.create_subscription(DiagnosticArray, TOPIC, self.note, STREAM, raw=True)
         node.diagnostics.add("hearing", self.look)
 
     def watch(self, topic: str) -> tuple[Callable[[], None], Callable[[], None]]:
-        """Return what is to be called for each message of an input that is sent all the time, and
-        what when it ends.
-        """
+        """Return what to call for each message of an input that is always sent, and at its end."""
         words = f"{topic} has been silent for {{:.0f}} s although its publisher is active"
         return self._watch(_Input(lambda: self._sent(topic), words))
 
@@ -159,10 +156,13 @@ class InputWatchdog:
         """Compare what arrived with who is in the graph; called once a second."""
         now_s, node_s = self._steady_s(), self._node.now_s()
         space = f"{self._node.get_namespace().rstrip('/')}/"
-        present = {name for name in self._publishers(TOPIC) if name.startswith(space)} - {self._own}
-        passed_s, node_passed_s = (
-            (0.0, 0.0) if self._looked is None else (now_s - self._looked[0], node_s - self._looked[1])
-        )
+        whose = getattr(self._node, "context", self._node)
+        if not 0.0 <= now_s - _shared.get(whose, (-math.inf, set()))[0] < SHARED_S:
+            _shared[whose] = now_s, self._publishers(TOPIC)
+        present = {name for name in _shared[whose][1] if name.startswith(space)} - {self._own}
+        before_s, node_before_s = self._looked or (now_s, node_s)
+        # Simulated time that begins has jumped, and not passed.
+        passed_s, node_passed_s = now_s - before_s, node_s - (node_before_s or node_s)
         self._looked = now_s, node_s
         # While this node itself did not look, it proves nothing that nothing was taken.
         unseen_s = max(0.0, passed_s - RECENT_S)
@@ -170,8 +170,8 @@ class InputWatchdog:
             one.heard_s = min(one.heard_s + unseen_s, now_s)
         # One that has just appeared gets its time.
         self._neighbours = {name: self._neighbours.get(name, _Neighbour(now_s)) for name in sorted(present)}
-        silent = {name: now_s - one.heard_s for name, one in self._neighbours.items()}
-        silent = {name: since_s for name, since_s in silent.items() if since_s > SILENCE_S}
+        since_s = {name: now_s - one.heard_s for name, one in self._neighbours.items()}
+        silent = {name: each_s for name, each_s in since_s.items() if each_s > SILENCE_S}
         if len(silent) >= FEWEST and len(silent) == len(self._neighbours):
             self._end(f"nothing has been received from {', '.join(silent)} for {min(silent.values()):.0f} s")
         self._compare(now_s, passed_s - unseen_s)

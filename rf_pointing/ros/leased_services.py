@@ -84,23 +84,26 @@ class LeasedServices:
 
 
 class Caller:
-    """Makes the clients of a node, and signs what it calls of the services with a lease."""
+    """Makes the clients of a node, and signs what it calls of the services with a lease.
 
-    def __init__(self, node: Node, key: CommandKey) -> None:
-        self._node, self._key = node, key
+    `space` comes before every name: "" is the namespace of the node, "/gs2/" another antenna.
+    """
+
+    def __init__(self, node: Node, key: CommandKey, space: str = "") -> None:
+        self._node, self._key, self._space = node, key, space
 
     def client(self, service_type: Any, name: str) -> Client:
         """Return the client that `request` is for."""
         if self._signs(name):
-            return self._node.create_client(SignedCall, SIGNED)
-        return self._node.create_client(service_type, name)
+            return self._node.create_client(SignedCall, self._space + SIGNED)
+        return self._node.create_client(service_type, self._space + name)
 
     def request(self, name: str, request: Any) -> Any:
         """Return what to send: the request, or a signed call with it."""
         if not self._signs(name):
             return request
         call = SignedCall.Request(
-            service=self._node.resolve_service_name(name), caller=self._node.get_fully_qualified_name(),
+            service=self._node.resolve_service_name(self._space + name), caller=self._node.get_fully_qualified_name(),
             request=list(serialize_message(request)),
         )  # fmt: skip
         self._key.sign_call(call)

@@ -8,7 +8,7 @@ seen, a line that stays as it was is not.
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from rf_pointing.core import AXES
@@ -101,6 +101,17 @@ def board_metrics(
             row = {"name": "station_alarms", "level": own[1], "acknowledged": False}
             families += _alarms([row] if own[1] else [])
     return families
+
+
+def labelled(of_antennas: Mapping[str, Sequence[Family]]) -> list[Family]:
+    """Return the families of several antennas as one each, with the label `antenna`."""
+    merged = dict[str, Family]()
+    for antenna, families in of_antennas.items():
+        for each in families:
+            samples = [({"antenna": antenna, **labels}, value) for labels, value in each.samples]
+            before = merged[each.name].samples if each.name in merged else ()
+            merged[each.name] = replace(each, samples=[*before, *samples])
+    return list(merged.values())
 
 
 def page_metrics(viewers: int, commands: int, refused: int) -> list[Family]:

@@ -8,6 +8,7 @@ What is requested waits in `requests`.
     GET  /reports/…  files of the reports folder
     GET  /metrics    the newest values as OpenMetrics (`web/metrics.py`)
     POST /command    {"name": …, "arguments": {…}} with `Authorization: Bearer TOKEN`
+    …    /at/gs1/…   page, live stream and commands of one antenna, where / is that of a network
 
 A request under a foreign host name or from the page of another origin is refused: a name that an
 attacker points at this computer, or a form of another site, must not reach the antenna.
@@ -91,6 +92,8 @@ class Request:
     arguments: Mapping[str, Any]
     who: str
     answer: "Future[tuple[bool, str]]"
+    antenna: str = ""
+    """Its path, "" for the page of a single antenna."""
 
     def reply(self, accepted: bool, text: str) -> None:
         """Say whether it was accepted, in any thread; a viewer may have gone."""
@@ -140,8 +143,11 @@ class PageApp:
 
     def __init__(self, params: PageParams, token: str) -> None:
         self.board = NewestSections()
-        self.transports: list[asyncio.Transport] = []
-        """One for each viewer."""
+        """Sections of the page at /."""
+        self.antennas: dict[str, NewestSections] = {}
+        """Sections of the antennas of a network, by their paths below /at."""
+        self.transports: dict[asyncio.Transport, str] = {}
+        """Those of the viewers, with the paths at which they look."""
         self.commands = self.refused = 0
         self.dropped = 0
         """Viewers that were too slow."""
@@ -166,13 +172,22 @@ class PageApp:
         """How many look at the page."""
         return len(self.transports)
 
+    def add(self, antenna: str) -> None:
+        """Serve the page of an antenna below /at, from any thread."""
+        self.antennas = {**self.antennas, antenna: NewestSections()}
+
+    def watching(self, antenna: str) -> int:
+        """Return how many look at an antenna, for "" at /."""
+        return sum(each == antenna for each in list(self.transports.values()))
+
     def application(self) -> web.Application:
         """Return the application of aiohttp."""
         app = web.Application(middlewares=[self._guarded], client_max_size=LONGEST_BODY)
-        app.router.add_get("/", self._file)
-        app.router.add_get("/live", self._live)
+        for start in ("", "/at/{antenna:.+}"):
+            app.router.add_get(f"{start}/", self._file)
+            app.router.add_get(f"{start}/live", self._live)
+            app.router.add_post(f"{start}/command", self._take)
         app.router.add_get("/reports/{path:.+}", self._report)
-        app.router.add_post("/command", self._take)
         app.router.add_get("/metrics", self._metrics)
         app.router.add_get("/{name:[a-z.]+}", self._file)
         return app
@@ -226,16 +241,27 @@ class PageApp:
         return web.Response(body=text.encode(), headers={"Content-Type": CONTENT_TYPE})
 
     async def _file(self, request: web.Request) -> web.Response:
-        name = request.match_info.get("name", "index.html")
+        antenna = self._antenna(request)
+        start = "network.html" if self._params.antennas and not antenna else "index.html"
+        name = request.match_info.get("name", start)
         if name not in self._files:
             raise web.HTTPNotFound(text=f"no such page: {name[:80]}")
         return web.Response(
             body=self._files[name], content_type=PAGE_TYPES[Path(name).suffix], charset="utf-8"
         )
 
+    def _antenna(self, request: web.Request) -> str:
+        """Return the path of the requested antenna, "" for that of /."""
+        antenna = request.match_info.get("antenna", "")
+        if antenna and antenna not in self.antennas:
+            raise web.HTTPNotFound(text=f"no such antenna: {antenna[:80]}")
+        return antenna
+
     # The live stream
 
     async def _live(self, request: web.Request) -> web.StreamResponse:
+        antenna = self._antenna(request)
+        board = self.antennas.get(antenna, self.board)
         if self.viewers >= self._params.viewers:
             raise web.HTTPServiceUnavailable(text=f"{self.viewers} viewers, must be < page.viewers")
         socket = web.WebSocketResponse(heartbeat=HEARTBEAT_S, max_msg_size=1024, compress=False)
@@ -244,18 +270,19 @@ class PageApp:
         if transport is None:
             return socket
         transport.set_write_buffer_limits(high=BUFFER_BYTES)
+        if not self.watching(antenna):
+            board.clear()
         if not self.transports:
-            self.board.clear()
             self._searching = asyncio.ensure_future(self._show_reports())
-        self.transports.append(transport)
-        sender = asyncio.ensure_future(self._send(socket))
+        self.transports[transport] = antenna
+        sender = asyncio.ensure_future(self._send(socket, board))
         try:
             # What a viewer sends is read, for pings and the end, and not used.
             reader = asyncio.ensure_future(_drain(socket))
             await asyncio.wait({sender, reader}, return_when=asyncio.FIRST_COMPLETED)
             reader.cancel()
         finally:
-            self.transports.remove(transport)
+            del self.transports[transport]
             if not self.transports:
                 self._searching.cancel()
             sender.cancel()
@@ -263,12 +290,12 @@ class PageApp:
             transport.abort()
         return socket
 
-    async def _send(self, socket: web.WebSocketResponse) -> None:
+    async def _send(self, socket: web.WebSocketResponse, board: NewestSections) -> None:
         seen: dict[str, int] = {}
         while not socket.closed:
             # Before the look: what is put while a viewer takes its news is news again.
-            changed = self.board.changed
-            if text := self.board.news(seen):
+            changed = board.changed
+            if text := board.news(seen):
                 try:
                     await asyncio.wait_for(socket.send_str(text), SLOW_S)
                 except TimeoutError:
@@ -281,6 +308,7 @@ class PageApp:
     # Commands
 
     async def _take(self, request: web.Request) -> web.Response:
+        antenna = self._antenna(request)
         kind, _, given = request.headers.get("Authorization", "").partition(" ")
         if kind != "Bearer" or not hmac.compare_digest(
             given.strip().encode(errors="replace"), self._token
@@ -302,7 +330,7 @@ class PageApp:
         self._waiting += 1
         self.commands += 1
         try:
-            wanted = Request(name, arguments, str(request.remote), Future())
+            wanted = Request(name, arguments, str(request.remote), Future(), antenna)
             self.requests.put(wanted)
             accepted, message = await asyncio.wait_for(asyncio.wrap_future(wanted.answer), ANSWER_S)
         except TimeoutError:
@@ -344,7 +372,9 @@ class PageApp:
     async def _show_reports(self) -> None:
         while True:
             # The folder is searched by another thread.
-            self.board.put({"reports": json.dumps(await asyncio.to_thread(self.reports))})
+            text = json.dumps(await asyncio.to_thread(self.reports))
+            for each in (self.board, *list(self.antennas.values())):
+                each.put({"reports": text})
             await asyncio.sleep(REPORTS_S)
 
     def reports(self) -> list[dict[str, Any]]:
@@ -391,13 +421,14 @@ class PageServer:
         host = f"[{self._params.address}]" if ":" in self._params.address else self._params.address
         return f"http://{host}:{self.port}"
 
-    def put(self, sections: Mapping[str, Any]) -> None:
+    def put(self, sections: Mapping[str, Any], antenna: str = "") -> None:
         """Show sections, from any thread; NaN and infinity are shown as missing."""
         texts = {
             name: json.dumps(shown(value), separators=(",", ":"))
             for name, value in sections.items()
         }
-        self._loop.call_soon_threadsafe(self.app.board.put, texts)
+        board = self.app.antennas.get(antenna, self.app.board)
+        self._loop.call_soon_threadsafe(board.put, texts)
 
     @property
     def requests(self) -> "SimpleQueue[Request]":

@@ -60,8 +60,9 @@ def test_a_page_that_would_be_open_does_not_start(parameter: str, words: str, ro
 def put(monkeypatch: pytest.MonkeyPatch) -> list[dict[str, Any]]:
     """Return what the page gives its server to show to one viewer."""
     sections: list[dict[str, Any]] = []
-    monkeypatch.setattr(PageServer, "put", lambda _, values: sections.append(values))
+    monkeypatch.setattr(PageServer, "put", lambda _, values, _antenna: sections.append(values))
     monkeypatch.setattr(PageApp, "viewers", property(lambda _: 1))
+    monkeypatch.setattr(PageApp, "watching", lambda *_: 1)
     return sections
 
 
@@ -171,7 +172,7 @@ def test_a_shown_pass_is_tracked_and_what_cannot_be_shown_takes_no_command_with_
     monkeypatch.setattr(PageServer, "put", broken)
     answers: list[Any] = []
     waiting = [SimpleNamespace(
-        name="track", arguments={"aos_utc": put[-1]["passes"]["rows"][1]["aos_utc"]}, who="viewer",
+        name="track", arguments={"aos_utc": put[-1]["passes"]["rows"][1]["aos_utc"]}, who="viewer", antenna="",
         reply=lambda *answer: answers.append(answer),
     )]  # fmt: skip
     queue = SimpleNamespace(empty=lambda: not waiting, get=waiting.pop)

@@ -119,6 +119,8 @@ Phase = tuple[int, dict[str, Any]]
         # Work that is not done while it is due, in wall and node time.
         ([(5, {}), (6, {"works": False})], ""),
         ([(5, {}), (7, {"works": False})], "the work of every 0.5 s has not been done for 7 s"),
+        # Simulated time that begins has not passed: it goes at a fiftieth of real time afterwards.
+        ([(2, {"node_s": 0.0, "speed": 0.0}), (99, {"works": False, "node_s": 1e9, "speed": 0.02})], ""),
         ([(5, {}), (99, {"works": False, "speed": 0.0})], ""), ([(5, {}), (99, {"works": False, "active": False})], ""),
     ],
 )  # fmt: skip

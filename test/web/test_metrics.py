@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rf_pointing.web.metrics import Family, board_metrics, exposition, page_metrics
+from rf_pointing.web.metrics import Family, board_metrics, exposition, labelled, page_metrics
 
 NAME = r"[a-zA-Z_][a-zA-Z0-9_]*"
 VALUE = re.compile(rf'({NAME})="((?:[^"\\\n]|\\[\\"n])*)"(?:,|$)')
@@ -130,3 +130,16 @@ def test_the_dashboard_asks_for_metrics_that_there_are() -> None:
     asked = {name.removeprefix("rf_pointing_") for query in queries for name in re.findall(r"rf_pointing_\w+", query)}
     assert asked
     assert asked <= {name for name, _ in scraped()}
+
+
+def test_the_samples_of_several_antennas_are_those_of_each_with_its_label() -> None:
+    of_each = {
+        antenna: board_metrics(LIVE | {"target": target}, dict.fromkeys(SOURCES, 0.0), KEPT, NODES)
+        for antenna, target in {"/gs1": "ISS", "/gs2": ""}.items()
+    }
+    expected = {
+        (name, labels | {("antenna", antenna)}): value
+        for antenna, families in of_each.items()
+        for (name, labels), value in read(exposition(families)).items()
+    }
+    assert read(exposition(labelled(of_each))) == expected

@@ -29,10 +29,12 @@ class Station:
 
     def __init__(self) -> None:
         self.taken: list[tuple[str, dict[str, Any]]] = []
+        self.antennas: list[str] = []
         self.silent = False
 
     def put(self, request: Request) -> None:
         self.taken.append((request.name, dict(request.arguments)))
+        self.antennas.append(request.antenna)
         if not self.silent:
             request.reply(True, "parking")
             # A second answer, and one to a viewer that has gone, reach nobody.
@@ -272,6 +274,30 @@ def test_who_comes_to_an_unwatched_page_sees_nothing_old() -> None:
         assert await sections(socket) == {"live": 2}
 
     served(work)
+
+
+def test_each_antenna_of_a_network_has_its_page_its_viewers_and_its_commands() -> None:
+    async def work(client: TestClient, page: PageApp, station: Station) -> None:
+        paths = {"gs1": "/at/gs1", "site/gs2": "/at/site/gs2", "": ""}
+        for antenna in ("gs1", "site/gs2"):
+            page.add(antenna)
+        sockets = {antenna: await client.ws_connect(f"{start}/live") for antenna, start in paths.items()}
+        for antenna, socket in sockets.items():
+            page.antennas.get(antenna, page.board).put({"live": json.dumps(antenna)})
+            assert await sections(socket) == {"live": antenna}
+            assert page.watching(antenna) == 1
+            async with client.get(f"{paths[antenna]}/") as response:
+                assert ('id="lines"' in await response.text()) == (antenna == "")
+            async with client.post(f"{paths[antenna]}/command", json={"name": "park"}, headers=BEARER) as response:
+                assert (await response.json())["accepted"]
+        assert station.antennas == list(paths)
+        for path in ("/at/gs3/", "/at/gs3/live"):
+            async with client.get(path) as response:
+                assert (response.status, (await response.json())["message"]) == (404, "no such antenna: gs3")
+        for socket in sockets.values():
+            await socket.close()
+
+    served(work, antennas="/gs1 /site/gs2")
 
 
 def test_a_viewer_too_many_and_one_of_another_origin_are_refused() -> None:

@@ -5,6 +5,7 @@ of JSON.  What moves is shown `rate_hz` times a second, the rest once a second.
 """
 
 import math
+import re
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -65,8 +66,24 @@ READ = {
 }  # fmt: skip
 """Parameters of other nodes that the page shows; some change while the nodes run."""
 
+ALL = "all"
+"""Word of `page.antennas` for every antenna in the graph."""
+MOST_ANTENNAS = 50
 
 Reply = Callable[[bool, str], object]
+
+
+def namespaces_of(text: str) -> list[str]:
+    """Return the namespaces of a list such as "/gs1, /gs2"; ValueError names one that cannot be."""
+    found = [f"/{each.strip('/')}" for each in text.replace(",", " ").split()]
+    for each in found:
+        if not re.fullmatch(r"(/[A-Za-z_][A-Za-z0-9_]*)+", each):
+            raise ValueError(f"antennas={text!r}: {each} must be a namespace, as /gs1")
+        if found.count(each) > 1:
+            raise ValueError(f"antennas={text!r} names {each} twice")
+    if len(found) > MOST_ANTENNAS:
+        raise ValueError(f"antennas names {len(found)} namespaces, must be <= {MOST_ANTENNAS}")
+    return found
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,9 +97,14 @@ class PageParams(Params):
     reports: str = parameter("runs", "folder whose reports are offered; empty: none")
     rate_hz: float = parameter(6.0, "how often what moves is sent to the viewers", low=1.0, high=20.0)
     viewers: int = parameter(50, "viewers at one time", low=1, high=1000)
+    antennas: str = parameter(
+        "", "namespaces shown, separated by commas; all: every antenna that is found; empty: that of the node"
+    )
 
     def check_together(self) -> None:
-        """Refuse an address that others can reach without a token that somebody has chosen."""
+        """Refuse wrong namespaces, and an open address without a token that somebody has chosen."""
+        if self.antennas != ALL:
+            namespaces_of(self.antennas)
         try:
             address = ip_address(self.address)
         except ValueError:
