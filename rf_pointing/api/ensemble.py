@@ -248,7 +248,8 @@ def _flown(fly_one: Callable[[Trial], Row], trials: Sequence[Trial], workers: in
     while waiting:
         # Not forked: a thread of a library may hold a lock at that moment.
         with ProcessPoolExecutor(
-            min(workers, len(waiting)), get_context("spawn"), _die_at_interrupt
+            # The terminal sends Ctrl-C to all processes: the first one says what is kept.
+            min(workers, len(waiting)), get_context("spawn"), signal.signal, (signal.SIGINT, signal.SIG_DFL)
         ) as pool:  # fmt: skip
             running: dict[Future[Row], int] = {pool.submit(fly_one, trials[k]): k for k in waiting}
             waiting = []
@@ -270,11 +271,6 @@ def _flown(fly_one: Callable[[Trial], Row], trials: Sequence[Trial], workers: in
         deaths += bool(waiting)
         if deaths >= ATTEMPTS:
             raise ChildProcessError(f"processes died {deaths} times in a row without flying a pass")
-
-
-def _die_at_interrupt() -> None:
-    # The terminal sends Ctrl-C to all processes: the first one says what is kept.
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 def fly(

@@ -53,7 +53,8 @@ def split_prediction(case: RecordedCase) -> tuple[Array, dict[str, Array], Array
     along, cross, radial = _orbit_m(case)
     priors = PassPriors(along_track_m=along, cross_track_m=cross, radial_m=radial)
     columns, expected, sigma = _columns(case, look, priors)
-    values, covariance = _fitted(columns, off, expected, sigma, t_s, inside)
+    values, covariance, _ = _solved(*_rows(columns, off, expected, t_s, inside), sigma)
+    values = expected + values
     slices = dict(zip(GROUPS, np.split(np.arange(len(columns)), np.cumsum([
         len(priors.names), len(MODEL_TERMS),
     ])), strict=True))  # fmt: skip
@@ -175,14 +176,6 @@ def _columns(
     each_rad = model_rad / math.sqrt(len(MODEL_TERMS))
     sizes = [LAGS.get(name.partition("_")[2], each_rad) for name in names]
     return columns, expected, np.array([*priors.sigma, *sizes, REFRACTION_SIGMA])
-
-
-def _fitted(
-    columns: Array, off: Array, expected: Array, sigma: Array, t_s: Array, inside: Any
-) -> tuple[Array, Array]:  # fmt: skip
-    """Return values (k,) and covariance of columns (k, 2, n) that make `off` (n, 2)."""
-    values, covariance, _ = _solved(*_rows(columns, off, expected, t_s, inside), sigma)
-    return expected + values, covariance
 
 
 def _rows(

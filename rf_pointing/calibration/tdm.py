@@ -100,7 +100,14 @@ def write_tdm(
         f"ORIGINATOR = {originator}",
     ]
     for track in (one for one in tracks if np.any(one.good)):
-        lines += ["", *_metadata_lines(track), "", *_data_lines(track)]
+        times = track.t_s[track.good]
+        lines += [
+            "", "META_START", "TIME_SYSTEM = UTC", f"START_TIME = {to_utc_text(float(times[0]))}",
+            f"STOP_TIME = {to_utc_text(float(times[-1]))}", f"PARTICIPANT_1 = {track.station}",
+            f"PARTICIPANT_2 = {track.target}", "MODE = SEQUENTIAL", "PATH = 2,1",
+            f"RECEIVE_BAND = {track.band}", "ANGLE_TYPE = AZEL", "RANGE_UNITS = km", "META_STOP",
+            "", *_data_lines(track),
+        ]  # fmt: skip
     text = "\n".join(lines) + "\n"
     if not text.isascii():
         raise ValueError(f"{path}: names of stations, targets and bands in a TDM must be ASCII")
@@ -286,24 +293,6 @@ def _correction(segment: _Segment, key: str) -> float:
             f"line {segment.line}: {name}={segment.metadata[name]} must be a number"
         ) from None
     return value * _SCALE[key] if applied == "NO" else 0.0
-
-
-def _metadata_lines(track: RawTracking) -> list[str]:
-    times = track.t_s[track.good]
-    return [
-        "META_START",
-        "TIME_SYSTEM = UTC",
-        f"START_TIME = {to_utc_text(float(times[0]))}",
-        f"STOP_TIME = {to_utc_text(float(times[-1]))}",
-        f"PARTICIPANT_1 = {track.station}",
-        f"PARTICIPANT_2 = {track.target}",
-        "MODE = SEQUENTIAL",
-        "PATH = 2,1",
-        f"RECEIVE_BAND = {track.band}",
-        "ANGLE_TYPE = AZEL",
-        "RANGE_UNITS = km",
-        "META_STOP",
-    ]
 
 
 def _data_lines(track: RawTracking) -> list[str]:

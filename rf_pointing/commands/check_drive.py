@@ -124,7 +124,3 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--move", action="store_true", help="move both axes, towards the middle of the travel and back")
     parser.add_argument("--degrees", type=between(0.1, 90.0), default=10.0, help="how far (default: 10)")
     return parser
-
-
-if __name__ == "__main__":
-    main()

@@ -100,7 +100,3 @@ def main(argv: list[str] | None = None) -> None:
         band = station.default_band if options.band is None else options.band
         print(urdf(station) if options.urdf else "\n".join(report(station, band, options.all)))
     sys.exit(0)
-
-
-if __name__ == "__main__":
-    main()

@@ -125,7 +125,3 @@ def main(argv: list[str] | None = None) -> None:
     """Print the description."""
     with ending_with_reason("new_station"):
         sys.stdout.write(request_from(argv).description())
-
-
-if __name__ == "__main__":
-    main()

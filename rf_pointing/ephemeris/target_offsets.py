@@ -16,7 +16,6 @@ from typing import Any
 
 from rf_pointing.core import Params, parameter, require_choice
 from rf_pointing.core.checks import require_id
-from rf_pointing.core.types import Pair
 from rf_pointing.core.whole_file import KeptState
 from rf_pointing.ephemeris.look_angles import moved_about, moved_across, moved_towards
 from rf_pointing.ephemeris.sites import Site
@@ -75,11 +74,6 @@ class TargetOffsets(Params):
         if self.cross_elevation_offset_rad:
             enu = moved_across(enu, self.cross_elevation_offset_rad, UP)
         return enu
-
-    @property
-    def on_axes_rad(self) -> Pair:
-        """The offsets of the apparent angles."""
-        return self.azimuth_offset_rad, self.elevation_offset_rad
 
 
 OFFSETS = tuple(each.name for each in fields(TargetOffsets))

@@ -197,7 +197,7 @@ class TopocentricTrack:
         }  # fmt: skip
         if self.hold_t_s is not None:
             rates = dict.fromkeys(rates, still)
-        right, up = self.offsets.on_axes_rad
+        right, up = self.offsets.azimuth_offset_rad, self.offsets.elevation_offset_rad
         place = {
             "azimuth_rad": azimuth + right, "elevation_rad": elevation + up, "range_m": range_m,
             "true_elevation_rad": true + up,
@@ -213,6 +213,5 @@ class TopocentricTrack:
 
 def _inertial_motion_of(site: Site, rate_rad_s: float) -> StateVector:
     """StateVector of the antenna with the turning Earth, in Earth-fixed axes."""
-    x, y, z = site.position_m
-    w = rate_rad_s
+    (x, y, z), w = site.position_m, rate_rad_s
     return StateVector((x, y, z), (-w * y, w * x, 0.0), (-(w**2) * x, -(w**2) * y, 0.0), (w**3 * y, -(w**3) * x, 0.0))

@@ -249,31 +249,21 @@ def _tried(
                 f"pass {_named(k, one)} has {100.0 * np.mean(~used):.0f} % outliers, must be <= "
                 f"{100.0 * _MOST_LEFT_OUT:g} %"
             )
-    for name, value, sigma in zip(found.names, found.values[0], _sigmas(found), strict=True):
+    sigmas = np.sqrt(np.diag(found.covariance()[0]))
+    for name, value, sigma in zip(found.names, found.values[0], sigmas, strict=True):
         kind = name.partition(" of pass")[0]
-        own = {
-            "clock": priors.clock_s,
-            "azimuth bias": priors.azimuth_bias_rad,
-            "elevation bias": priors.elevation_bias_rad,
-        }
-        if (
-            loose is None
-            and kind in own
-            and abs(value) - 2.0 * sigma > WRONG_BIAS_SIGMA * own[kind]
-        ):
-            shown = (
-                f"{value:+.3f} s" if kind == "clock" else f"{math.degrees(value) * 1e3:+.0f} mdeg"
-            )
-            return (
-                found,
+        own_s, own_rad = {"clock": priors.clock_s}, priors.azimuth_bias_rad
+        own = own_s | {"azimuth bias": own_rad, "elevation bias": priors.elevation_bias_rad}
+        if loose is not None or kind not in own:
+            continue
+        if abs(value) - 2.0 * sigma > WRONG_BIAS_SIGMA * own[kind]:
+            mdeg = math.degrees(value) * 1e3
+            shown = f"{value:+.3f} s" if kind == "clock" else f"{mdeg:+.0f} mdeg"
+            return found, (
                 f"{name} comes out as {shown}, {abs(value) / own[kind]:.1f} sigma, must be <= "
-                f"{WRONG_BIAS_SIGMA:g}",
+                f"{WRONG_BIAS_SIGMA:g}"
             )
     return found, ""
-
-
-def _sigmas(found: Orbits) -> Array:
-    return np.asarray(np.sqrt(np.diag(found.covariance()[0])))
 
 
 def refuse_leap_second(first_t_s: float, last_t_s: float) -> None:

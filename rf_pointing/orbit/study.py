@@ -112,10 +112,6 @@ class Knowledge:
         chosen = self.total if covariance is None else covariance
         return np.asarray(np.sqrt(np.trace(chosen[:, :3, :3], axis1=1, axis2=2)))
 
-    def speed_sigma_m_s(self, covariance: Array) -> Array:
-        """Return the sigma of velocity (n,), all three directions."""
-        return np.asarray(np.sqrt(np.trace(covariance[:, 3:, 3:], axis1=1, axis2=2)))
-
     def on_sky(self, motion: StationMotion) -> Array:
         """Return cross-elevation and elevation sigma (n, 2) as seen by a station, rad."""
         partials = partials_from(self.states, motion)[:, :2]

@@ -79,15 +79,11 @@ def normalised_voltage(
     """Return the voltage at `angle_beamwidths` half-power beamwidths from the axis."""
     if params.pattern == "gaussian":
         return np.exp(-0.5 * MU * angle_beamwidths**2)
-    pedestal, exponent = _illumination(params)
+    pedestal = 1.0 if params.pattern == "uniform" else 10.0 ** (-params.edge_taper_db / 20.0)
+    exponent = params.taper_exponent
     return _aperture_voltage(
         angle_beamwidths * _u_per_beamwidth(pedestal, exponent), pedestal, exponent
     )
-
-
-def _illumination(params: BeamParams) -> tuple[float, int]:
-    pedestal = 1.0 if params.pattern == "uniform" else 10.0 ** (-params.edge_taper_db / 20.0)
-    return pedestal, params.taper_exponent
 
 
 def _aperture_voltage(

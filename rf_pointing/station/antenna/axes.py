@@ -117,10 +117,6 @@ class SlewPath:
         path = CornerPath(corners, near_rad=self._near_rad, rest_rad_s=REST_RAD_S)
         self._corners: CornerPath | None = path if corners else None
 
-    def ends_at_rest(self, t_s: float) -> bool:
-        """Return whether the table's last point is at rest."""
-        return self.at_rest(self.table.at(t_s + self.table.lead_s(t_s)))
-
     @staticmethod
     def at_rest(sample: TrajectorySample) -> bool:
         """Return whether a sample of the table stands still."""

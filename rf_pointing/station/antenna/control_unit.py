@@ -638,7 +638,7 @@ class ControlUnit:
         if sample.source != "dry":
             return sample
         # A table whose end is at rest is a goal; one that runs dry in motion is a lost commander.
-        if path.ends_at_rest(sample.t_s):
+        if path.at_rest(path.table.at(sample.t_s + path.table.lead_s(sample.t_s))):
             path.goal_rad = sample.position_rad
             self.modes.hold(self._motion())
         else:

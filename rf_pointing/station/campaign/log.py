@@ -156,7 +156,9 @@ class CalibrationLog:
         """
         position, reason = self._position(error)
         if position is None or not self._settled(error):
-            self._note(reason or self._unsettled)
+            near = f"target more than {self._largest_error_rad / MDEG:.3g} mdeg from the beam"
+            long = f"less than {self._settle_s:g} s on the target"
+            self._note(reason or (near if self._sensed_since_s is None else long))
             return None
         spacing_s = self._scan_spacing_s if scans(error.sensor) else self._spacing_s
         if 0.0 <= error.t_s - self._last_s < spacing_s:
@@ -292,12 +294,6 @@ class CalibrationLog:
             return None, f"no encoder angles within {LARGEST_JOINT_AGE_S:g} s"
         # The error is stamped in the middle of its integration, the encoders when they were read.
         return joints.position_rad + (error.t_s - joints.t_s) * joints.velocity_rad_s, ""
-
-    @property
-    def _unsettled(self) -> str:
-        if self._sensed_since_s is None:
-            return f"target more than {self._largest_error_rad / MDEG:.3g} mdeg from the beam"
-        return f"less than {self._settle_s:g} s on the target"
 
     def _settled(self, error: PointingError) -> bool:
         """Note a valid error; return whether the beam has been near the target for long enough."""

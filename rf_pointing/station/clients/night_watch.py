@@ -192,7 +192,7 @@ class NightWatch:
         if not self.night.finished or before == NightState.IDLE:
             return False
         self.folder.end_record()
-        self._report = self.folder.write_morning(t_s, self._write_morning)
+        self._report = self.folder.write_morning(t_s, lambda folder: self._write_report(folder, self.alarms.healths))
         if self._report:
             self._tell(f"morning report {Path(self._report) / 'night.html'}", True)
         return True
@@ -213,9 +213,6 @@ class NightWatch:
             self.folder.refine(mine, Path(self._own.refine).expanduser().resolve(), further)
         except OSError as error:
             self._tell(f"elements of {name} not refined: {error}", False)
-
-    def _write_morning(self, folder: Path) -> None:
-        self._write_report(folder, self.alarms.healths)
 
     def _responded(self, number: int, accepted: bool, text: str, answer: Any = None) -> None:
         # A selection is answered with passes, which have the name of a target known by its number.

@@ -56,11 +56,6 @@ class PacedStream:
         self.newest_s = stamp_s if self.newest_s is None else max(self.newest_s, stamp_s)
         self.waited_for, self.waiting_since_s = not sparse, None
 
-    def give_up(self) -> None:
-        """Wait for it no longer, until its next message."""
-        self.waited_for, self.waiting_since_s = False, None
-        self.abandoned += 1
-
 
 @dataclass
 class Pacer:
@@ -131,7 +126,9 @@ class Pacer:
         left_s = stream.waiting_since_s + patience_s - wall_s
         if left_s > 0.0:
             return left_s
-        stream.give_up()
+        # No longer, until its next message.
+        stream.waited_for, stream.waiting_since_s = False, None
+        stream.abandoned += 1
         return 0.0
 
 

@@ -158,7 +158,8 @@ class _Network:
             for number, (window, candidate) in enumerate(zip(day.wanted, day.candidates(), strict=True)):
                 candidate = dataclasses.replace(candidate, share=candidate.share * self._clear[k])
                 lasts = id(window.target) in self._lasting
-                inside = [t_s for t_s in cuts.get(id(window.target), ()) if _may_be_cut(window, t_s)]
+                first_s, last_s = window.aos_t_s + SHORTEST_PART_S, window.los_t_s - SHORTEST_PART_S
+                inside = [t_s for t_s in cuts.get(id(window.target), ()) if first_s <= t_s <= last_s]
                 pieces = [candidate]
                 if candidate.turns and (inside or lasts):
                     key = id(window), tuple(inside)
@@ -281,10 +282,6 @@ class _Network:
                     mine[number] = f"tracked by {' and '.join(sorted(others))}"
             found.append(mine)
         return found
-
-
-def _may_be_cut(window: CataloguePass, t_s: float) -> bool:
-    return window.aos_t_s + SHORTEST_PART_S <= t_s <= window.los_t_s - SHORTEST_PART_S
 
 
 def _apart(window: CataloguePass, spans: Sequence[tuple[float, float]]) -> bool:
