@@ -23,7 +23,7 @@ from rf_pointing.api.passes import StationPass
 from rf_pointing.api.station import Station
 from rf_pointing.calibration import BiasModel
 from rf_pointing.core import AXES, MDEG, Mode, sky_offset_rad
-from rf_pointing.core.types import Array
+from rf_pointing.core.types import Array, Pair
 from rf_pointing.drives import takes_positions
 from rf_pointing.ephemeris import TopocentricTrack, sky_uncertainty
 from rf_pointing.ephemeris.source import load_track
@@ -325,7 +325,7 @@ def _as_loud(flights: _Flights) -> _Flights:
 
 def _made(
     flights: _Flights, title: str, source: str, remarks: tuple[str, ...],
-    missed: tuple[float, float] = (0.0, 0.0),
+    missed: Pair = (0.0, 0.0),
 ) -> Ledger:  # fmt: skip
     """Return the ledger; `missed` (rad^2, dB) is what was measured beyond the first flight."""
     parts = flights.parts()

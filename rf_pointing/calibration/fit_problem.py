@@ -36,7 +36,7 @@ from rf_pointing.calibration.pass_errors import (
 )
 from rf_pointing.calibration.terms import Partial, terms_by_name
 from rf_pointing.core import wrap_rad
-from rf_pointing.core.types import Array
+from rf_pointing.core.types import Array, BoolArray
 
 Pair = tuple[Array, Array]
 # Lags that count as equal: at orbit errors of 1 km and 1 s they change the shift by < 0.1 mdeg.
@@ -112,7 +112,7 @@ class Round:
     levels: tuple[Level, ...]
     values: Array
     root: Array
-    used: NDArray[np.bool_]
+    used: BoolArray
     weight: Array
     residuals: Array
     pass_offsets: Array
@@ -171,7 +171,7 @@ class FitProblem:
         )
 
     def equations(
-        self, values: Array, used: NDArray[np.bool_], weight: Array
+        self, values: Array, used: BoolArray, weight: Array
     ) -> tuple[NormalEquations, tuple[Level, ...]]:
         """Return the triangle of the equations about `values`, and what was eliminated."""
         equations = NormalEquations(self.names)
@@ -188,7 +188,7 @@ class FitProblem:
         )
         return equations, ()
 
-    def solve(self, values: Array, used: NDArray[np.bool_], weight: Array) -> Round:
+    def solve(self, values: Array, used: BoolArray, weight: Array) -> Round:
         """Return the solution linearised about `values`, from the `used` rows and `weight`."""
         equations, levels = self.equations(values, used, weight)
         for name, prior in self.priors.items():
@@ -327,9 +327,7 @@ class FitProblem:
             weight
         )
 
-    def _pass_equations(
-        self, rows: Array, used: NDArray[np.bool_], weight: Array
-    ) -> tuple[Places, Array]:
+    def _pass_equations(self, rows: Array, used: BoolArray, weight: Array) -> tuple[Places, Array]:
         """Return the triangles of the passes of own partials, nuisances, and `rows`."""
         scaled = np.concatenate(self._own()[0]) * self._scale(weight)
         rows = np.concatenate([scaled, self._nuisance_rows(weight), rows], axis=1)
@@ -337,7 +335,7 @@ class FitProblem:
         return pass_equations(rows[chosen], np.tile(self.passes[1], 2)[chosen])
 
     def _eliminated(
-        self, rows: Array, used: NDArray[np.bool_], weight: Array
+        self, rows: Array, used: BoolArray, weight: Array
     ) -> tuple[tuple[Level, ...], Array]:
         """Return `rows` of common terms free of all other unknowns, and these, the widest first."""
         levels = []

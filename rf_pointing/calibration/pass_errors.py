@@ -18,14 +18,13 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.calibration.observations import Observations
 from rf_pointing.calibration.reference import ReferenceTrack
 from rf_pointing.calibration.terms import numbered
 from rf_pointing.core import Params, azel_from_unit_vector, parameter, wrap_rad
 from rf_pointing.core.kinematics import LEVEL, Kinematics
-from rf_pointing.core.types import Array
+from rf_pointing.core.types import Array, IntArray, Pair
 
 _EARTH_RADIUS_M = 6.371e6
 _EARTH_RATE_RAD_S = 7.2921e-5
@@ -44,17 +43,15 @@ class PassPriors(Params):
     in height brings its change along the track with it.
     """
 
-    along_track_m: float = parameter(0.0, "orbit error along the track", low=0.0, high=1e6)
-    cross_track_m: float = parameter(0.0, "orbit error across the track", low=0.0, high=1e6)
-    radial_m: float = parameter(0.0, "orbit error in height", low=0.0, high=1e6)
+    along_track_m: float = parameter(0.0, "orbit error along the track", 0.0, 1e6)
+    cross_track_m: float = parameter(0.0, "orbit error across the track", 0.0, 1e6)
+    radial_m: float = parameter(0.0, "orbit error in height", 0.0, 1e6)
     along_track_drift_m_s: float = parameter(
-        0.0, "further change of the along-track error", low=0.0, high=1e3
+        0.0, "further change of the along-track error", 0.0, 1e3
     )
-    cross_track_drift_m_s: float = parameter(
-        0.0, "change of the cross-track error", low=0.0, high=1e3
-    )
-    radial_drift_m_s: float = parameter(0.0, "change of the height error", low=0.0, high=1e3)
-    clock_s: float = parameter(0.0, "time tag error of the station", low=0.0, high=10.0)
+    cross_track_drift_m_s: float = parameter(0.0, "change of the cross-track error", 0.0, 1e3)
+    radial_drift_m_s: float = parameter(0.0, "change of the height error", 0.0, 1e3)
+    clock_s: float = parameter(0.0, "time tag error of the station", 0.0, 10.0)
 
     @classmethod
     def of_orbit(
@@ -137,7 +134,7 @@ class SharedErrors:
 class Sharing:
     """The set of elements (g,) of each pass, and what (g, p, p) turns its error into theirs."""
 
-    sets: NDArray[np.int64]
+    sets: IntArray
     turns: Array
 
     @classmethod
@@ -215,7 +212,7 @@ def _of_elements(sight: "_Sight", t_s: Array, latitude_rad: float) -> dict[str, 
 
 
 def pass_partials(
-    observations: Observations, names: tuple[str, ...], lags_s: tuple[float, float] = (0.0, 0.0)
+    observations: Observations, names: tuple[str, ...], lags_s: Pair = (0.0, 0.0)
 ) -> tuple[Array, Array]:
     """Return the partials (n, len(names)) of azimuth and of elevation, radians per metre or second.
 
@@ -236,7 +233,7 @@ def motion_partials(
     range_m: Array | None,
     range_rate_m_s: Array | None,
     names: Sequence[str],
-    lags_s: tuple[float, float],
+    lags_s: Pair,
     mount: Kinematics = LEVEL,
 ) -> tuple[Array, Array]:
     """Return the same of a motion (angles, rates, accelerations) `elapsed_s` from mid-pass."""
@@ -256,7 +253,7 @@ def motion_partials(
     return both[0], both[1]
 
 
-def lags_of(coefficients: Mapping[str, float]) -> tuple[float, float]:
+def lags_of(coefficients: Mapping[str, float]) -> Pair:
     """Return the velocity lags of the lower and the upper axis."""
     lower, upper = numbered(coefficients, 6, 13)
     return lower, upper

@@ -16,7 +16,6 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.calibration.bias_model import BiasModel
 from rf_pointing.calibration.coverage import Coverage, SectorRule, select_by_sector
@@ -30,7 +29,7 @@ from rf_pointing.calibration.reference import COLUMNS, ReferenceTrack
 from rf_pointing.calibration.thinning import Thinned, find_outliers, smooth, thin
 from rf_pointing.core import wrap_rad
 from rf_pointing.core.kinematics import Kinematics
-from rf_pointing.core.types import Array
+from rf_pointing.core.types import Array, BoolArray, IntArray, Pair
 
 # A perfect simulation scatters by nothing; a sigma of zero would divide by zero in the fit.
 _LEAST_SIGMA_RAD = 1e-6
@@ -56,10 +55,10 @@ class PriorKnowledge:
     model: BiasModel
     form: str = "rotation"
     errors: Mapping[int, PassErrors] = field(default_factory=dict)
-    sigma_scale: tuple[float, float] = (1.0, 1.0)
+    sigma_scale: Pair = (1.0, 1.0)
 
     @property
-    def lags_s(self) -> tuple[float, float]:
+    def lags_s(self) -> Pair:
         """The velocity lags with which the fit sees errors of the passes."""
         return lags_of(self.model.coefficients) if self.form == "rotation" else (0.0, 0.0)
 
@@ -92,7 +91,7 @@ class TrackedPass:
             object.__setattr__(self, "reference", self.reference.over_the_top())
 
     @cached_property
-    def validation(self) -> tuple[NDArray[np.bool_], StageReport]:
+    def validation(self) -> tuple[BoolArray, StageReport]:
         """Which samples are sound, and the report of it."""
         return validate(self.raw, self.reference)
 
@@ -285,7 +284,7 @@ def _displaced(one: TrackedPass, errors: PassErrors | None) -> ReferenceTrack:
 
 
 def _error_shift_rad(
-    known: PriorKnowledge, tracks: Mapping[str, Array], passes: NDArray[np.int64], mount: Kinematics
+    known: PriorKnowledge, tracks: Mapping[str, Array], passes: IntArray, mount: Kinematics
 ) -> Array:
     """Return the shifts (2, n) of the angles that are linear in the errors of the passes."""
     errors = known.errors

@@ -31,7 +31,7 @@ from rf_pointing.calibration.pass_errors import PassPriors, site_partials
 from rf_pointing.calibration.pipeline import TrackedPass
 from rf_pointing.core import wrap_rad
 from rf_pointing.core.refraction import RadioRefraction
-from rf_pointing.core.types import Array
+from rf_pointing.core.types import Array, Pair
 
 Places = NDArray[np.int64]
 
@@ -162,7 +162,7 @@ def _bending(points: Observations, refraction: RadioRefraction) -> Array:
     return np.stack([np.zeros_like(bending), bending])[..., np.newaxis]
 
 
-def open_clock(fit: FitResult, known: Mapping[str, float]) -> tuple[float, float] | None:
+def open_clock(fit: FitResult, known: Mapping[str, float]) -> Pair | None:
     """Return between which times (s) the tags of all passes may be late with these angles.
 
     With them the mount has no acceleration lags within two sigma.  None for mounts that have some,
@@ -301,7 +301,7 @@ def _without_acceleration(
 
 def _clock_odds(
     moved: Array, covariance: Array, misfit: Callable[[Array], Array],
-    about: tuple[float, float], between: tuple[float, float], taken_s: float,
+    about: Pair, between: Pair, taken_s: float,
 ) -> float:  # fmt: skip
     """Return how much likelier than lags alone a clock `about` a time (and sigma) is, by mounts.
 
@@ -612,7 +612,7 @@ def _site(estimate: _Estimate) -> SystematicError | None:
     )
 
 
-def _turn(points: Observations) -> tuple[float, float]:
+def _turn(points: Observations) -> Pair:
     """Return the median azimuth residual and its spread over the passes."""
     turns = [
         float(np.median(points.residual_azimuth_rad[points.pass_id == number]))

@@ -30,7 +30,6 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.calibration.fit import fit_bias_model, held_at_zero
 from rf_pointing.calibration.fit_problem import FitProblem
@@ -40,7 +39,7 @@ from rf_pointing.calibration.observations import Observations
 from rf_pointing.calibration.pass_errors import PassPriors, SharedErrors
 from rf_pointing.calibration.terms import terms_by_name
 from rf_pointing.core import wrap_rad
-from rf_pointing.core.types import Array
+from rf_pointing.core.types import Array, BoolArray, IntArray
 
 # Terms that enter and leave in turn would go on for ever.
 _MOST_STEPS = 100
@@ -64,7 +63,7 @@ _HALVINGS = 30
 class HeldOut:
     """How well a model predicts a pass it has not seen: on-sky rms per pass and of all."""
 
-    pass_ids: NDArray[np.int64]
+    pass_ids: IntArray
     rms_rad: Array
     total_rms_rad: float
 
@@ -273,7 +272,7 @@ class _Search:
             member[likely], weights / np.sum(weights), apart, np.maximum(wide, _NOTHING)
         )
 
-    def _posteriors(self, member: NDArray[np.bool_], share: float) -> tuple[Array, Array, Array]:
+    def _posteriors(self, member: BoolArray, share: float) -> tuple[Array, Array, Array]:
         """Return -2 ln of the weight (m,) of subsets (m, k), and values and sigma (m, k).
 
         They are zero of terms that are not in a subset.  Terms are of a `share` of the usual sizes.
@@ -307,7 +306,7 @@ class _Mixture:
     `apart` and `wide` (m, k) are means and sigmas about the fitted terms, in units of their sigma.
     """
 
-    member: NDArray[np.bool_]
+    member: BoolArray
     weights: Array
     apart: Array
     wide: Array

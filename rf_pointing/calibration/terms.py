@@ -19,13 +19,11 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
 from rf_pointing.calibration.angles import Angles
 from rf_pointing.core.mount_types import AZIMUTH_ELEVATION, MOUNTS
+from rf_pointing.core.types import Array
 
-Partial = Callable[[Angles], NDArray[np.float64]]
+Partial = Callable[[Angles], Array]
 # No mount is off by 6 deg and no drive lags by 10 s: what is larger was given in another unit.
 _LIMITS = {"rad": 0.1, "s": 10.0, "s^2": 100.0, "rad/K": 0.01}
 # One sigma over mounts: 0.1 deg, as the printed terms of 34-m antennas.

@@ -24,16 +24,14 @@ FASTEST_M_S = 2e4
 class ReportNoise(Params):
     """One-sigma errors of what a source reports."""
 
-    horizontal_m: float = parameter(30.0, "horizontal position", low=0.1, high=1e5)
+    horizontal_m: float = parameter(30.0, "horizontal position", 0.1, 1e5)
     vertical_m: float = parameter(
-        100.0, "height above the ellipsoid; barometric ones are off by this", low=0.1, high=1e5
+        100.0, "height above the ellipsoid; barometric ones are off by this", 0.1, 1e5
     )
-    velocity_m_s: float = parameter(3.0, "reported velocity, per axis", low=0.01, high=1e3)
-    time_s: float = parameter(0.3, "time of a report; acts along the velocity", low=0.0, high=60.0)
-    direction_rad: float = parameter(
-        math.radians(0.1), "reported azimuth and elevation", low=1e-6, high=0.2
-    )
-    range_m: float = parameter(50.0, "reported range", low=0.1, high=1e6)
+    velocity_m_s: float = parameter(3.0, "reported velocity, per axis", 0.01, 1e3)
+    time_s: float = parameter(0.3, "time of a report; acts along the velocity", 0.0, 60.0)
+    direction_rad: float = parameter(math.radians(0.1), "reported azimuth and elevation", 1e-6, 0.2)
+    range_m: float = parameter(50.0, "reported range", 0.1, 1e6)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

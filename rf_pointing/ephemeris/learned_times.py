@@ -20,7 +20,7 @@ import numpy as np
 
 from rf_pointing.core import HeldDirection
 from rf_pointing.core.dates import DAY_S
-from rf_pointing.core.types import Array
+from rf_pointing.core.types import Array, Pair
 from rf_pointing.core.whole_file import KeptState
 from rf_pointing.ephemeris.elements import Elements
 from rf_pointing.ephemeris.state_vector import norm
@@ -175,7 +175,7 @@ class LearnedTimes:
         self._state.keep({name: asdict(one) for name, one in self._known.items()})
 
 
-def fitted_time(track: TopocentricTrack, held: Sequence[HeldDirection]) -> tuple[float, float]:
+def fitted_time(track: TopocentricTrack, held: Sequence[HeldDirection]) -> Pair:
     """Return how far ahead of its elements a target was that was held in these directions.
 
     Seconds and their standard deviation: by least squares with the distance across the track and

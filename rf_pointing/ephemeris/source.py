@@ -60,12 +60,10 @@ class SourceParams(TargetOffsets):
     interpolation: str = parameter(
         "", "method for an OEM that declares none; empty: such an OEM is refused", choices=("", *METHODS)
     )
-    interpolation_degree: int = parameter(7, "its degree", low=1, high=15)
+    interpolation_degree: int = parameter(7, "its degree", 1, 15)
     hold: bool = parameter(False, "the target stands still on the sky where it was when this was set")
-    stale_days: float = parameter(
-        2.0, "age from the epoch at which elements are stale: a warning", low=0.0, high=3650.0
-    )
-    max_age_days: float = parameter(14.0, "age from the epoch at which elements are expired", low=0.01, high=3650.0)
+    stale_days: float = parameter(2.0, "age from the epoch at which elements are stale: a warning", 0.0, 3650.0)
+    max_age_days: float = parameter(14.0, "age from the epoch at which elements are expired", 0.01, 3650.0)
     refraction: str = parameter(
         "standard", "weather of the refraction: mean of the altitude, measured, or a vacuum",
         choices=("standard", "measured", "none"),

@@ -27,7 +27,7 @@ MOST_SETS = 100
 
 
 def _angle(text: str) -> float:
-    found: float = parameter(0.0, text, low=-LARGEST_RAD, high=LARGEST_RAD)
+    found: float = parameter(0.0, text, -LARGEST_RAD, LARGEST_RAD)
     return found
 
 
@@ -35,10 +35,10 @@ def _angle(text: str) -> float:
 class TargetOffsets(Params):
     """Offsets that an operator adds to a target."""
 
-    along_track_offset_s: float = parameter(0.0, "target ahead of its elements by", low=-LARGEST_S, high=LARGEST_S)
+    along_track_offset_s: float = parameter(0.0, "target ahead of its elements by", -LARGEST_S, LARGEST_S)
     cross_track_offset_rad: float = _angle("target right of its elements by")
     time_offset_s: float = parameter(
-        0.0, "target where it is so much later, the Earth turned too", low=-LARGEST_S, high=LARGEST_S
+        0.0, "target where it is so much later, the Earth turned too", -LARGEST_S, LARGEST_S
     )
     azimuth_offset_rad: float = _angle("added to the azimuth")
     elevation_offset_rad: float = _angle("added to the apparent elevation")

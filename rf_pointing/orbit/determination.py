@@ -63,25 +63,19 @@ _LEAST_AXIS_SIGMA_M = 200.0
 class Priors(Params):
     """One-sigma knowledge of everything but the orbit, before the passes."""
 
-    clock_s: float = parameter(0.01, "clock of a station", low=1e-6, high=100.0)
-    azimuth_bias_rad: float = parameter(
-        1e-4, "azimuth of a station, on the sky", low=1e-7, high=0.1
-    )
-    elevation_bias_rad: float = parameter(1e-4, "elevation of a station", low=1e-7, high=0.1)
-    range_bias_m: float = parameter(100.0, "range of a station", low=1e-3, high=1e7)
+    clock_s: float = parameter(0.01, "clock of a station", 1e-6, 100.0)
+    azimuth_bias_rad: float = parameter(1e-4, "azimuth of a station, on the sky", 1e-7, 0.1)
+    elevation_bias_rad: float = parameter(1e-4, "elevation of a station", 1e-7, 0.1)
+    range_bias_m: float = parameter(100.0, "range of a station", 1e-3, 1e7)
     rate_bias_m_s: float = parameter(
-        1e4, "range rate of a pass, as the oscillators leave it", low=1e-6, high=1e6
+        1e4, "range rate of a pass, as the oscillators leave it", 1e-6, 1e6
     )
-    memory_s: float = parameter(
-        86400.0, "time in which a station forgets its biases", low=1.0, high=1e9
-    )
-    air: float = parameter(0.5, "factor of the drag", low=1e-3, high=10.0)
-    burn_m_s: float = parameter(5.0, "change of velocity of a manoeuvre", low=1e-4, high=1e4)
-    field: float = parameter(
-        1.0, "share of the field beyond its degree, considered", low=0.0, high=10.0
-    )
-    radiation: float = parameter(0.3, "radiation, considered", low=0.0, high=10.0)
-    refraction: float = parameter(0.05, "refraction of a station, considered", low=0.0, high=1.0)
+    memory_s: float = parameter(86400.0, "time in which a station forgets its biases", 1.0, 1e9)
+    air: float = parameter(0.5, "factor of the drag", 1e-3, 10.0)
+    burn_m_s: float = parameter(5.0, "change of velocity of a manoeuvre", 1e-4, 1e4)
+    field: float = parameter(1.0, "share of the field beyond its degree, considered", 0.0, 10.0)
+    radiation: float = parameter(0.3, "radiation, considered", 0.0, 10.0)
+    refraction: float = parameter(0.05, "refraction of a station, considered", 0.0, 1.0)
 
     def bias(self, kind: str) -> float:
         """Return the sigma of the bias of a measured quantity."""

@@ -29,23 +29,19 @@ from rf_pointing.orbit.square_root import SquareRootFilter
 class Tracking(Params):
     """Measurements of each station, how good and how often; a sigma of 0 leaves a kind out."""
 
-    angle_sigma_rad: float = parameter(0.0, "noise of each angle, on the sky", low=0.0, high=0.1)
-    angle_bias_rad: float = parameter(1e-4, "bias of each angle", low=1e-9, high=0.1)
-    range_sigma_m: float = parameter(0.0, "noise of a range", low=0.0, high=1e6)
-    range_bias_m: float = parameter(10.0, "bias of the range of a station", low=1e-6, high=1e7)
-    rate_sigma_m_s: float = parameter(0.0, "noise of a range rate", low=0.0, high=1e3)
-    rate_bias_m_s: float = parameter(1.0, "bias of the range rate", low=1e-9, high=1e6)
-    memory_s: float = parameter(
-        43200.0, "time in which biases forget; 0: white", low=0.0, high=1e12
-    )
+    angle_sigma_rad: float = parameter(0.0, "noise of each angle, on the sky", 0.0, 0.1)
+    angle_bias_rad: float = parameter(1e-4, "bias of each angle", 1e-9, 0.1)
+    range_sigma_m: float = parameter(0.0, "noise of a range", 0.0, 1e6)
+    range_bias_m: float = parameter(10.0, "bias of the range of a station", 1e-6, 1e7)
+    rate_sigma_m_s: float = parameter(0.0, "noise of a range rate", 0.0, 1e3)
+    rate_bias_m_s: float = parameter(1.0, "bias of the range rate", 1e-9, 1e6)
+    memory_s: float = parameter(43200.0, "time in which biases forget; 0: white", 0.0, 1e12)
     satellite_clock_m: float = parameter(
-        0.0, "clock of one-way ranges, white; 0: two-way", low=0.0, high=1e9
+        0.0, "clock of one-way ranges, white; 0: two-way", 0.0, 1e9
     )
-    zenith_delay_m: float = parameter(0.05, "zenith delay of a station", low=1e-6, high=10.0)
-    step_s: float = parameter(60.0, "between two measurements", low=1.0, high=86400.0)
-    lowest_rad: float = parameter(
-        math.radians(5.0), "lowest elevation of a measurement", low=-0.1, high=1.5
-    )
+    zenith_delay_m: float = parameter(0.05, "zenith delay of a station", 1e-6, 10.0)
+    step_s: float = parameter(60.0, "between two measurements", 1.0, 86400.0)
+    lowest_rad: float = parameter(math.radians(5.0), "lowest elevation of a measurement", -0.1, 1.5)
 
     def check_together(self) -> None:
         """Refuse tracking that measures nothing."""
@@ -68,23 +64,23 @@ class Tracking(Params):
 class Considered(Params):
     """One-sigma errors of what is not estimated."""
 
-    station_m: float = parameter(0.1, "each coordinate of a station", low=0.0, high=1e4)
-    gm: float = parameter(2e-9, "the Earth's gravitational constant, relative", low=0.0, high=1e-3)
-    pole_m: float = parameter(0.25, "each coordinate of the pole", low=0.0, high=1e3)
-    ut1_s: float = parameter(6e-4, "angle of the Earth, as time", low=0.0, high=10.0)
-    field: float = parameter(1.0, "share of the field beyond its degree", low=0.0, high=10.0)
-    clock_s: float = parameter(0.0, "clock of a station", low=0.0, high=100.0)
+    station_m: float = parameter(0.1, "each coordinate of a station", 0.0, 1e4)
+    gm: float = parameter(2e-9, "the Earth's gravitational constant, relative", 0.0, 1e-3)
+    pole_m: float = parameter(0.25, "each coordinate of the pole", 0.0, 1e3)
+    ut1_s: float = parameter(6e-4, "angle of the Earth, as time", 0.0, 10.0)
+    field: float = parameter(1.0, "share of the field beyond its degree", 0.0, 10.0)
+    clock_s: float = parameter(0.0, "clock of a station", 0.0, 100.0)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Before(Params):
     """One-sigma knowledge of the estimated parameters before tracking."""
 
-    position_m: float = parameter(5000.0, "each coordinate", low=1e-3, high=1e9)
-    velocity_m_s: float = parameter(50.0, "each component of the velocity", low=1e-6, high=1e6)
-    radiation: float = parameter(0.05, "radiation, relative", low=1e-9, high=10.0)
-    air: float = parameter(0.3, "drag, relative", low=1e-9, high=10.0)
-    burn_m_s: float = parameter(10.0, "each component of a manoeuvre", low=1e-6, high=1e4)
+    position_m: float = parameter(5000.0, "each coordinate", 1e-3, 1e9)
+    velocity_m_s: float = parameter(50.0, "each component of the velocity", 1e-6, 1e6)
+    radiation: float = parameter(0.05, "radiation, relative", 1e-9, 10.0)
+    air: float = parameter(0.3, "drag, relative", 1e-9, 10.0)
+    burn_m_s: float = parameter(10.0, "each component of a manoeuvre", 1e-6, 1e4)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

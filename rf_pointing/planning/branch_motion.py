@@ -86,7 +86,7 @@ def branch_motions(
     return found
 
 
-def _stops(azimuth: Array, limits: AxisLimits) -> list[tuple[float, float]]:
+def _stops(azimuth: Array, limits: AxisLimits) -> list[Pair]:
     """Return the ends of the travel on each turn that a part of a pass fits, none if all does."""
     low, high = float(azimuth.min()), float(azimuth.max())
     least, most = limits.azimuth_min_rad, limits.azimuth_max_rad

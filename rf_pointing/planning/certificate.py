@@ -75,12 +75,12 @@ class Branch:
     turns: int
     plunge: bool
     over: bool
-    start_rad: tuple[float, float]
-    end_rad: tuple[float, float]
-    azimuth_range_rad: tuple[float, float]
-    elevation_range_rad: tuple[float, float]
-    peak_rate_rad_s: tuple[float, float]
-    peak_acceleration_rad_s2: tuple[float, float]
+    start_rad: Pair
+    end_rad: Pair
+    azimuth_range_rad: Pair
+    elevation_range_rad: Pair
+    peak_rate_rad_s: Pair
+    peak_acceleration_rad_s2: Pair
     closest_limit: str
     limit_margin_rad: float
     mask_margin_rad: float
@@ -330,7 +330,7 @@ class _Certifier:
             found[f"{name}loss_90_db"] = worst._expected(loss, blind_s, left_s).mean_loss_db
         return found
 
-    def _search_rate(self, rates: Array, elevation: Array) -> tuple[float, float]:
+    def _search_rate(self, rates: Array, elevation: Array) -> Pair:
         """Return the largest rates of the axes while the target is searched for."""
         if not self.cost.search_rad_s:
             return _peaks(rates)
@@ -358,7 +358,7 @@ class _Certifier:
         )
 
 
-def _peaks(values: Array) -> tuple[float, float]:
+def _peaks(values: Array) -> Pair:
     azimuth, elevation = np.abs(values).max(axis=0).tolist()
     return azimuth, elevation
 

@@ -22,7 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rf_pointing.core.pass_outcome import HALF_POWER, SIDELOBE_POWER, pointing_loss_db
-from rf_pointing.core.types import Array, BoolArray
+from rf_pointing.core.types import Array, BoolArray, Pair
 from rf_pointing.planning.forbidden_sky import angle_between
 
 # Power received relative to the beam's peak at angles (n,) from its axis.
@@ -47,8 +47,8 @@ ON_TARGET_RAD, MARGIN_S = 1e-5, 4.0
 class AxisMotionLimits:
     """Largest rates and accelerations (azimuth, elevation) and highest elevation of the axes."""
 
-    rate_rad_s: tuple[float, float]
-    acceleration_rad_s2: tuple[float, float]
+    rate_rad_s: Pair
+    acceleration_rad_s2: Pair
     elevation_max_rad: float
     elevation_min_rad: float = -math.inf
     """Lowest one where it bounds a keyhole, as on an axis that swings to either side."""

@@ -36,11 +36,11 @@ GUARD_RAD = math.radians(0.05)
 class GateParams(Params):
     """Width of the tiers, and the zones of the sky."""
 
-    warning_rad: float = parameter(math.radians(2.0), "the warning begins this far inside a limit", low=0.0, high=0.5)
-    hard_rad: float = parameter(math.radians(0.25), "the drives are cut this far beyond a limit", low=1e-4, high=0.5)
-    sun_radius_rad: float = parameter(math.radians(1.0), "the beam stays this far from the Sun", low=0.0, high=0.5)
+    warning_rad: float = parameter(math.radians(2.0), "the warning begins this far inside a limit", 0.0, 0.5)
+    hard_rad: float = parameter(math.radians(0.25), "the drives are cut this far beyond a limit", 1e-4, 0.5)
+    sun_radius_rad: float = parameter(math.radians(1.0), "the beam stays this far from the Sun", 0.0, 0.5)
     transmit_elevation_rad: float = parameter(
-        math.radians(10.0), "lowest elevation at which the transmitter may be on", low=-0.2, high=1.6
+        math.radians(10.0), "lowest elevation at which the transmitter may be on", -0.2, 1.6
     )
 
 

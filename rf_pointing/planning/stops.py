@@ -11,7 +11,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from rf_pointing.core.types import TURN, Array
+from rf_pointing.core.types import TURN, Array, Pair
 from rf_pointing.planning.crossing import MARGIN_S, AxisMotionLimits, Crossing, Gain, smoothing_kernel
 from rf_pointing.planning.forbidden_sky import angle_between
 
@@ -26,7 +26,7 @@ def within_stops(
     position: Array,
     velocity: Array,
     acceleration: Array,
-    ends_rad: tuple[float, float],
+    ends_rad: Pair,
     gain: Gain,
     limits: AxisMotionLimits,
     target: Array | None = None,
@@ -49,9 +49,7 @@ def within_stops(
     return best[1] if best else None
 
 
-def _ways(
-    t_s: Array, azimuth: Array, ends_rad: tuple[float, float], rate: float
-) -> Iterator[tuple[Array, int, int, int]]:
+def _ways(t_s: Array, azimuth: Array, ends_rad: Pair, rate: float) -> Iterator[tuple[Array, int, int, int]]:
     """Yield azimuths (n,) with corners, the rows of the first and the last one, and the turns."""
     low, high = ends_rad[0] + INSIDE_RAD, ends_rad[1] - INSIDE_RAD
     past = np.flatnonzero((azimuth < low) | (azimuth > high))

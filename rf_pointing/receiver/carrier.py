@@ -23,7 +23,7 @@ import numpy as np
 import scipy.fft
 from numpy.typing import NDArray
 
-from rf_pointing.core.types import Array, ComplexArray
+from rf_pointing.core.types import Array, ComplexArray, Pair
 from rf_pointing.receiver.params import SignalSearchParams
 from rf_pointing.receiver.spectrum import Layout, Spectrum
 
@@ -102,7 +102,7 @@ class CarrierTracker:
         self._angle, self._tracked = 0.0, 0
         self._images = np.zeros(2 * IMAGES + 1)
         # Size of the integrations and frequency since shortly before a loss can be known.
-        self._recent: deque[tuple[float, float]] = deque(maxlen=round(LOST_S / layout.hop_s))
+        self._recent: deque[Pair] = deque(maxlen=round(LOST_S / layout.hop_s))
         self._last_hz: float | None = None
         self.tracking = False
         self.jumps = 0
@@ -122,7 +122,7 @@ class CarrierTracker:
     def take(
         self,
         block: Spectrum,
-        predicted_hz: tuple[float, float],
+        predicted_hz: Pair,
         frame: int,
         power: NDArray[np.float32],
         noise: float,
@@ -147,7 +147,7 @@ class CarrierTracker:
         return prompt
 
     def _mixed(
-        self, block: Spectrum, predicted_hz: tuple[float, float], offset_hz: float, phase: float
+        self, block: Spectrum, predicted_hz: Pair, offset_hz: float, phase: float
     ) -> tuple[ComplexArray, float]:
         """Return the channel (channels, m) without the given frequency, and the turns it takes."""
         layout = self._layout
@@ -169,7 +169,7 @@ class CarrierTracker:
     def _search(
         self,
         block: Spectrum,
-        predicted_hz: tuple[float, float],
+        predicted_hz: Pair,
         frame: int,
         power: NDArray[np.float32],
         drifts: bool,
@@ -300,7 +300,7 @@ class CarrierTracker:
 
 def significant_peak(
     mean: Array, looks: float, params: SignalSearchParams, bin_hz: float
-) -> tuple[float, float] | None:
+) -> Pair | None:
     """Return bin (from the middle, with its fraction) and height over the noise of the top peak.
 
     None where noise alone may give it.

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.core import CarrierPower, MonopulseCluster
-from rf_pointing.core.types import Array, BoolArray, ComplexArray
+from rf_pointing.core.types import Array, BoolArray, ComplexArray, Pair
 from rf_pointing.receiver.balance import ChannelBalance
 from rf_pointing.receiver.band import BandPower, band_bound
 from rf_pointing.receiver.carrier import CarrierTracker, power_bound
@@ -69,9 +69,7 @@ class MeterState:
     blocks: int = 0
 
 
-def centre_offset_hz(
-    params: SignalReceiverParams, stated_hz: float | None = None
-) -> tuple[float, float]:
+def centre_offset_hz(params: SignalReceiverParams, stated_hz: float | None = None) -> Pair:
     """Return where the carrier lies from the middle of the spectrum, and the sign of its Doppler.
 
     `stated_hz` is the centre as the source states it.

@@ -150,9 +150,9 @@ class ConscanTracker:
 class DelayParams(Params):
     """Scan period and memory of the estimate."""
 
-    period_s: float = parameter(32.0, "time of one turn of the scan", low=0.1, high=3600.0)
-    memory: float = parameter(0.95, "weight of the past at each new pair", low=0.0, high=1.0)
-    largest_sigma_s: float = parameter(0.5, "uncertainty above which no delay is given", low=1e-6, high=600.0)
+    period_s: float = parameter(32.0, "time of one turn of the scan", 0.1, 3600.0)
+    memory: float = parameter(0.95, "weight of the past at each new pair", 0.0, 1.0)
+    largest_sigma_s: float = parameter(0.5, "uncertainty above which no delay is given", 1e-6, 600.0)
 
 
 class DelayEstimate(NamedTuple):

@@ -58,12 +58,12 @@ class ScanDesign(NamedTuple):
 class ScanDesignParams(Params):
     """Limits of a scan: its cost and its duration."""
 
-    half_power_beamwidth_rad: float = parameter(65.0 * MDEG, "half-power beamwidth", low=1e-6, high=1.4)
-    integration_s: float = parameter(1.0, "time of one carrier power sample", low=1e-3, high=60.0)
-    preferred_loss_db: float = parameter(0.1, "loss of the scan while it suffices", low=0.001, high=3.0)
-    largest_loss_db: float = parameter(1.0, "loss of the scan at most", low=0.001, high=3.0)
-    shortest_period_s: float = parameter(4.0, "shortest turn the antenna can follow", low=0.1, high=3600.0)
-    longest_period_s: float = parameter(64.0, "longest turn", low=0.1, high=3600.0)
+    half_power_beamwidth_rad: float = parameter(65.0 * MDEG, "half-power beamwidth", 1e-6, 1.4)
+    integration_s: float = parameter(1.0, "time of one carrier power sample", 1e-3, 60.0)
+    preferred_loss_db: float = parameter(0.1, "loss of the scan while it suffices", 0.001, 3.0)
+    largest_loss_db: float = parameter(1.0, "loss of the scan at most", 0.001, 3.0)
+    shortest_period_s: float = parameter(4.0, "shortest turn the antenna can follow", 0.1, 3600.0)
+    longest_period_s: float = parameter(64.0, "longest turn", 0.1, 3600.0)
 
     ordered = ("preferred_loss_db <= largest_loss_db", "shortest_period_s <= longest_period_s")
 

@@ -26,7 +26,7 @@ MEMORY_TIMES = 20.0
 
 def _coefficient(description: str, limit: float = LIMIT_RAD) -> float:
     """Declare one coefficient, zero unless configured, within +-`limit`."""
-    declared: float = parameter(0.0, description, low=-limit, high=limit)
+    declared: float = parameter(0.0, description, -limit, limit)
     return declared
 
 

@@ -74,12 +74,12 @@ class PageParams(Params):
     """Where the page is, and who may command."""
 
     address: str = parameter("127.0.0.1", "address to bind to; any but loopback needs token_file")
-    port: int = parameter(8080, "TCP port; 0: any that is free", low=0, high=65535)
+    port: int = parameter(8080, "TCP port; 0: any that is free", 0, 65535)
     hosts: str = parameter("", "further host names under which the page is reached, separated by commas")
     token_file: str = parameter("", "file (mode 600) with the token of commands; empty: one is made for this user")
     reports: str = parameter("runs", "folder whose reports are offered; empty: none")
-    rate_hz: float = parameter(6.0, "how often what moves is sent to the viewers", low=1.0, high=20.0)
-    viewers: int = parameter(50, "viewers at one time", low=1, high=1000)
+    rate_hz: float = parameter(6.0, "how often what moves is sent to the viewers", 1.0, 20.0)
+    viewers: int = parameter(50, "viewers at one time", 1, 1000)
 
     def check_together(self) -> None:
         """Refuse an address that others can reach without a token that somebody has chosen."""

@@ -136,9 +136,9 @@ class Pacer:
 class ClockParams(Params):
     """Simulation time."""
 
-    start_s: float = parameter(0.0, "UTC seconds since 1970 at which time starts; 0: now", low=0.0, high=4.0e9)
-    speed: float = parameter(1.0, "simulated seconds per second; 0: as fast as the graph follows", low=0.0, high=1e4)
-    tick_s: float = parameter(0.02, "step of simulation time", low=0.001, high=1.0)
+    start_s: float = parameter(0.0, "UTC seconds since 1970 at which time starts; 0: now", 0.0, 4.0e9)
+    speed: float = parameter(1.0, "simulated seconds per second; 0: as fast as the graph follows", 0.0, 1e4)
+    tick_s: float = parameter(0.02, "step of simulation time", 0.001, 1.0)
     errors_in_time: bool = parameter(
         True, "whether time waits for pointing_error; not behind a real receiver: it measures later"
     )

@@ -228,7 +228,7 @@ def _mask(content: Content, reader: Reader) -> HorizonMask:
     return HorizonMask(azimuth_rad=azimuths, elevation_rad=elevations, clearance_rad=clearance)
 
 
-def _mask_file(name: str, reader: Reader) -> tuple[tuple[tuple[float, float], ...], list[int]]:
+def _mask_file(name: str, reader: Reader) -> tuple[tuple[Pair, ...], list[int]]:
     path = reader.path.parent / name
     try:
         text = read_whole(path, encoding="utf-8-sig")

@@ -17,7 +17,7 @@ from rf_pointing.core import Motion, Params, gaussian_gain, parameter
 from rf_pointing.core.checks import LONGEST_NAME
 from rf_pointing.core.kinematics import LEVEL, Kinematics
 from rf_pointing.core.refraction import RadioRefraction
-from rf_pointing.core.types import Array
+from rf_pointing.core.types import Array, Pair
 from rf_pointing.core.whole_file import write_whole
 from rf_pointing.ephemeris import ElementUncertainty, Pass, Site, TopocentricTrack, sky_uncertainty, sun
 from rf_pointing.planning import (
@@ -73,7 +73,7 @@ def planned_certificate(
     track: TopocentricTrack,
     window: "Pass | CataloguePass",
     free_t_s: float,
-    encoder_rad: tuple[float, float],
+    encoder_rad: Pair,
     rules: PlanningRules,
     sun_table: "SolarTable | None" = None,
 ) -> tuple[Certificate, PassProfile]:
@@ -99,7 +99,7 @@ def planned_certificate(
 def _once_it_leans(mount: Kinematics, slew: Slew) -> Slew:
     """Return the slew after a tilt axis is set, which may take half a turn of it."""
 
-    def slewed(start: tuple[float, float], goal: tuple[float, float]) -> tuple[float, str]:
+    def slewed(start: Pair, goal: Pair) -> tuple[float, str]:
         needed_s, barred = slew(start, goal)
         return mount.leaning_s + needed_s, barred
 
@@ -153,7 +153,7 @@ def certificate_of(
     profile: PassProfile,
     rules: PlanningRules,
     issued_t_s: float,
-    encoder_rad: tuple[float, float],
+    encoder_rad: Pair,
     *,
     plunge_allowed: bool = True,
     slew: Slew | None = None,

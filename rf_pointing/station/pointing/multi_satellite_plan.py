@@ -316,7 +316,7 @@ class AntennaDay:
     def _is_long(self, window: CataloguePass) -> bool:
         return _is_long(window) or id(window.target) in self._shared
 
-    def rank(self, k: int) -> tuple[float, float]:
+    def rank(self, k: int) -> Pair:
         """Return how much a pass is wanted."""
         window = self.wanted[k]
         return self.wish_of[id(window.target)].priority, window.peak_elevation_rad
@@ -439,12 +439,7 @@ class _Certificates:
     """Certificates of passes in a row; those whose slew did not change are issued once."""
 
     def __init__(
-        self,
-        antenna: PlannedAntenna,
-        air: RadioRefraction,
-        span: tuple[float, float],
-        max_age_s: float,
-        wish_of: Mapping[int, Wish],
+        self, antenna: PlannedAntenna, air: RadioRefraction, span: Pair, max_age_s: float, wish_of: Mapping[int, Wish]
     ) -> None:
         self._antenna, self._air, self._max_age_s, self._wish_of = antenna, air, max_age_s, wish_of
         self._rules = antenna.rules

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rf_pointing.core.dates import DAY_S
-from rf_pointing.core.types import Array
+from rf_pointing.core.types import Array, Pair
 from rf_pointing.ephemeris import CataloguePass
 from rf_pointing.planning import Candidate
 from rf_pointing.planning.network import Option, Owed, Programme
@@ -284,7 +284,7 @@ class _Network:
         return found
 
 
-def _apart(window: CataloguePass, spans: Sequence[tuple[float, float]]) -> bool:
+def _apart(window: CataloguePass, spans: Sequence[Pair]) -> bool:
     return all(window.aos_t_s > end + APART_S or window.los_t_s < begin - APART_S for begin, end in spans)
 
 

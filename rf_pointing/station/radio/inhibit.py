@@ -29,14 +29,9 @@ class InhibitParams(Params):
     """When the transmitter may not send."""
 
     most_error_beamwidths: float = parameter(
-        0.5,
-        "largest pointing error with the transmitter on, in half-power beamwidths",
-        low=0.01,
-        high=10.0,
+        0.5, "largest pointing error with the transmitter on, in half-power beamwidths", 0.01, 10.0
     )
-    silence_s: float = parameter(
-        0.5, "antenna and controller may be silent for so long", low=0.15, high=5.0
-    )
+    silence_s: float = parameter(0.5, "antenna and controller may be silent for so long", 0.15, 5.0)
 
 
 @dataclass(slots=True)
