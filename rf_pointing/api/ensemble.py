@@ -114,7 +114,7 @@ class Ensemble:
             "keyhole_s": ("lost in keyholes", 1.0, "s a pass"),
             "late_s": ("slew later than the rise", 1.0, "s a pass"),
             "motor_starts": ("starts of both motors of a rotator", 1.0, "a pass"),
-        }  # fmt: skip
+        }
         lines += [
             f"  {word:<42}{factor * found[name]:10.3f} {unit}"
             for name, (word, factor, unit) in words.items()

@@ -145,7 +145,7 @@ def _orbit_m(case: RecordedCase) -> tuple[float, float, float]:
 
 def _columns(
     case: RecordedCase, look: LookAngles, priors: PassPriors, names: Sequence[str] = MODEL_TERMS
-) -> tuple[Array, Array, Array]:  # fmt: skip
+) -> tuple[Array, Array, Array]:
     """Return partials (k, 2, n) on the sky, expected values and sizes (k,) of what may be wrong."""
     motion = (
         look.azimuth_rad, look.elevation_rad, look.azimuth_rate_rad_s, look.elevation_rate_rad_s,

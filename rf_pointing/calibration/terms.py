@@ -107,8 +107,8 @@ EXTENSION_TERMS: tuple[Term, ...] = (
 """Terms that may be added to the 14: harmonics, flexure beyond the zenith, temperature."""
 
 FLEXURE = Term(
-    "flexure", 11, "rad", "flexure", _LOW_AND_HIGH, lambda a: a.lift[0], lambda a: a.lift[1],
-)  # fmt: skip
+    "flexure", 11, "rad", "flexure", _LOW_AND_HIGH, lambda a: a.lift[0], lambda a: a.lift[1]
+)
 _DROOP, _LEANS = 11, ("mislevel_east", "mislevel_north")
 
 

@@ -143,7 +143,7 @@ def arguments() -> argparse.ArgumentParser:
 
 def request_with(
     *, arc: list[float], spacing: float, sigma: float | None, settle: float, station: Station, **others: Any
-) -> CampaignRequest:  # fmt: skip
+) -> CampaignRequest:
     """Return the request of the options."""
     sigma_rad = station.calibrator.sigma_rad if sigma is None else sigma * MDEG
     rules = ArcRules(arcs_s=tuple(arc), spacing_s=spacing, sigma_rad=sigma_rad)

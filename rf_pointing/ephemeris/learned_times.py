@@ -225,7 +225,7 @@ def _lawful_s(track: TopocentricTrack, t_s: float, law: ElementUncertainty) -> f
 
 def _unlearned(
     elements: Elements, track: TopocentricTrack, t_s: float, law: ElementUncertainty, along_s: float
-) -> LearnedTime:  # fmt: skip
+) -> LearnedTime:
     """Return what the law says before the first pass, which gave `along_s`: on time, with errors.
 
     A pass that the law cannot explain is believed all the same, and may drift as it came.

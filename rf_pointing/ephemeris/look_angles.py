@@ -173,6 +173,4 @@ def angles_and_rates(enu: StateVector) -> tuple[Any, Any, Any, Any, Any, Any]:
     azimuth_acceleration = (n * e2 - e * n2) / (h * h) - 2.0 * azimuth_rate * h1 / h
     elevation_acceleration = (h * u2 - u * h2) / rho2 - 2.0 * elevation_rate * (h * h1 + u * u1) / rho2
     arctan2: Any = math.atan2 if isinstance(u, float) else np.arctan2
-    return (
-        arctan2(e, n), arctan2(u, h), azimuth_rate, elevation_rate, azimuth_acceleration, elevation_acceleration,
-    )  # fmt: skip
+    return (arctan2(e, n), arctan2(u, h), azimuth_rate, elevation_rate, azimuth_acceleration, elevation_acceleration)

@@ -210,9 +210,7 @@ class DriveWatch:
         self.reset()
 
     def _over(self, passed_s: float) -> Pair:
-        return (
-            math.exp(-self._bandwidth * passed_s), 1.0 - math.exp(-passed_s / self.params.disturbance_time_s)
-        )  # fmt: skip
+        return (math.exp(-self._bandwidth * passed_s), 1.0 - math.exp(-passed_s / self.params.disturbance_time_s))
 
     def reset(self) -> None:
         """Begin with the drives as they are: none has run away, and no wind is known."""

@@ -35,10 +35,6 @@ class SignalReceiver:
         self._spin_text = ""
         self._age_s = 0.0
 
-    def take_range_rate(self, t_s: float, range_rate_m_s: float) -> None:
-        """Note how fast the target recedes at `t_s`, which may be ahead of time."""
-        self.meter.doppler.take(t_s, range_rate_m_s)
-
     def step(self, t_s: float) -> list[Measurement]:
         """Return what was measured since the last step."""
         found: list[Measurement] = []

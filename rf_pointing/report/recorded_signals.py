@@ -33,9 +33,7 @@ from rf_pointing.station.pointing.status import TrackingStatus
 
 CHANNELS = ("sum", "difference_cross_elevation", "difference_elevation")
 WIND = "weather/wind"
-_MOTION = {
-    "position_rad": "positions", "velocity_rad_s": "velocities", "acceleration_rad_s2": "accelerations",
-}  # fmt: skip
+_MOTION = {"position_rad": "positions", "velocity_rad_s": "velocities", "acceleration_rad_s2": "accelerations"}
 
 
 def _t_s(stamp: Any) -> float:

@@ -72,7 +72,7 @@ class Supervisor:
 
     def __init__(
         self, processes: Sequence[Process], folder: Path, about: dict[str, Any], show: Callable[[str], None] | None
-    ) -> None:  # fmt: skip
+    ) -> None:
         folder.mkdir(parents=True, exist_ok=True)
         self._folder, self._about, self._show, self._children = folder, about, show, list[_Child]()
         space = processes[0].namespace.strip("/")

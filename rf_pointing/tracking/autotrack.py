@@ -247,9 +247,7 @@ def transitions(sensors: Sequence[SensorTraits]) -> tuple[Transition, ...]:
     tracking = tuple(traits.name for traits in sensors)
     scanning = tuple(traits.name for traits in sensors if traits.scans)
     staring = tuple(traits.name for traits in sensors if not traits.scans)
-    on_sky = (
-        Mode.SLEW, Mode.PROGRAM_TRACK, Mode.SEARCH, *tracking, Mode.CALIBRATE, Mode.COAST, Mode.HOLD_OFF,
-    )  # fmt: skip
+    on_sky = (Mode.SLEW, Mode.PROGRAM_TRACK, Mode.SEARCH, *tracking, Mode.CALIBRATE, Mode.COAST, Mode.HOLD_OFF)
     # The order is the priority.  What ends a pass comes first, then what must not be followed, then
     # what is lost; a sensor takes over before a search begins.
     return (

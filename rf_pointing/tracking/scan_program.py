@@ -185,6 +185,4 @@ class _Curve:
             x, x_rate = petal * cosine, bend * cosine - petal * sine
             y, y_rate = petal * sine, bend * sine + petal * cosine
         r, w = self._radius, share * w
-        return Offset(
-            r * share * x, r * share * y, r * (change * x + w * x_rate), r * (change * y + w * y_rate)
-        )  # fmt: skip
+        return Offset(r * share * x, r * share * y, r * (change * x + w * x_rate), r * (change * y + w * y_rate))

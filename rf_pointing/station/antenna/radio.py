@@ -39,7 +39,7 @@ class SimulatedRadio(ArrivingSignal):
 
     def __init__(
         self, params: SignalParams, radio: RadioParams, real_track: TopocentricTrack, mount: Kinematics = LEVEL
-    ) -> None:  # fmt: skip
+    ) -> None:
         super().__init__(params, real_track, mount)
         self.radio = radio
         self._generator = SignalGenerator(radio.generator)

@@ -160,9 +160,7 @@ class ArrivingSignal:
         self._first_s: float | None = None
         self._dropouts: Dropouts | None = None
         # Made once: a feed is turned over in flight, between two clusters.
-        self._feeds = (
-            MonopulseFeed(params.feed, params.beam), MonopulseFeed(_turned_over(params.feed), params.beam)
-        )  # fmt: skip
+        self._feeds = (MonopulseFeed(params.feed, params.beam), MonopulseFeed(_turned_over(params.feed), params.beam))
         self.feed = self._feeds[0]
         self._disc = DiscResponse(params.beam)
         self.elevation_rad: Array = np.zeros(0)

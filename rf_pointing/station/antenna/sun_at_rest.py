@@ -37,9 +37,7 @@ class SunAtRestParams(Params):
     escapes: bool = parameter(True, "whether it turns away by itself; false: it only warns")
     warning_s: float = parameter(300.0, "it warns so long before", 10.0, 3600.0)
     escape_s: float = parameter(60.0, "it turns away so long before", 0.0, 3600.0)
-    clear_s: float = parameter(
-        1800.0, "where it turns to stays clear for so long", 60.0, 14400.0
-    )  # fmt: skip
+    clear_s: float = parameter(1800.0, "where it turns to stays clear for so long", 60.0, 14400.0)
 
     @property
     def span_s(self) -> float:

@@ -167,7 +167,7 @@ def moved(place: Site, metres: Array) -> Site:
         latitude_rad=min(max(place.latitude_rad + north / EARTH_RADIUS_M, -0.5 * math.pi), 0.5 * math.pi),
         altitude_m=min(max(place.altitude_m + up, -500.0), 9000.0),
         longitude_rad=(longitude + math.pi) % (2.0 * math.pi) - math.pi,
-    )  # fmt: skip
+    )
 
 
 def away_m(place: Site, other: Site) -> tuple[float, float, float]:

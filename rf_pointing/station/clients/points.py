@@ -76,9 +76,8 @@ class MatchParams(Params):
     )
     motion_rad: float = parameter(math.radians(1.0), "way that the points must have made", 1e-3, 1.0)
     threshold_rad: float = parameter(
-        math.radians(5.5), "how far from the satellite, along its track, a client's threshold lets it point",
-        1e-3, 0.5,
-    )  # fmt: skip
+        math.radians(5.5), "how far from the satellite, along its track, a client's threshold lets it point", 1e-3, 0.5
+    )
     lead_s: float = parameter(60.0, "longest time that a client points ahead", 0.0, 300.0)
     silence_s: float = parameter(30.0, "a pass ends when its client has sent nothing for so long", 2.0, 600.0)
 

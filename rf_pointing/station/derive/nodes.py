@@ -210,9 +210,7 @@ def station_executive(_: Band) -> Derived:
     from rf_pointing.station.clients.alarm_hooks import HookParams
     from rf_pointing.station.clients.night_watch import ExecutiveParams
 
-    sets = {
-        "between": BetweenParams(), "alarms": AlarmParams(), "executive": ExecutiveParams(), "hooks": HookParams(),
-    }  # fmt: skip
+    sets = {"between": BetweenParams(), "alarms": AlarmParams(), "executive": ExecutiveParams(), "hooks": HookParams()}
     return Derived(sets, own=("executive.",), root=KEY, either=("hooks.",))
 
 

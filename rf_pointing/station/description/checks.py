@@ -33,7 +33,7 @@ from rf_pointing.station.description.content import (
     Content,
     MountSection,
     ReceiverSection,
-)  # fmt: skip
+)
 from rf_pointing.station.description.reading import MOST_VALUES, Reader, nearest
 
 BEAMWIDTH_TOLERANCE = 0.2

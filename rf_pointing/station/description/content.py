@@ -266,9 +266,8 @@ class BandSection:
     )
     noise: NoiseSection | None = parameter(None, "parts of the system noise, in place of system_noise_k")
     satellite_eirp_dbw: float | None = parameter(
-        None, "EIRP of the satellite less polarisation loss, in place of zenith_carrier_to_noise_db_hz",
-        -60.0, 90.0,
-    )  # fmt: skip
+        None, "EIRP of the satellite less polarisation loss, in place of zenith_carrier_to_noise_db_hz", -60.0, 90.0
+    )
     gain_dbi: float | None = parameter(
         None, "gain of the antenna; default: 26 000 deg^2 over the square of the beamwidth", 0.0, 90.0
     )
@@ -335,9 +334,8 @@ class RadioSection:
     transmit: RigSection | None = parameter(None, "the transmitter; omit for a station that only receives")
     eirp_dbw: float = parameter(0.0, "largest EIRP of the station", -60.0, 150.0)
     eirp_sectors: tuple[tuple[float, float, float, float], ...] = parameter(
-        (), "azimuths from and to, elevation below which, and the largest EIRP in dBW allowed there",
-        -360.0, 360.0,
-    )  # fmt: skip
+        (), "azimuths from and to, elevation below which, and the largest EIRP in dBW allowed there", -360.0, 360.0
+    )
     transmit_line: str = parameter(
         "", "high while the transmitter may send: a file (GPIO), /dev/ttyX:rts or /dev/ttyX:dtr; empty: none"
     )

@@ -321,10 +321,6 @@ class AntennaDay:
         window = self.wanted[k]
         return self.wish_of[id(window.target)].priority, window.peak_elevation_rad
 
-    @property
-    def _rests(self) -> list[tuple[float, float, Pair, Pair]]:
-        return [(begin, end, *(self.antenna.encoder_rad,) * 2) for begin, end in self.antenna.closed]
-
     def _held(self, but: int) -> list[tuple[float, float, Pair, Pair]]:
         """Return times and ends of what is tracked, but for one pass that is cut anew."""
         return [
@@ -334,11 +330,12 @@ class AntennaDay:
 
     def cut(self, numbers: Collection[int]) -> None:
         """Cut stays into pieces that fit between the certified passes."""
-        found = []
+        found, at_rest = [], (self.antenna.encoder_rad, self.antenna.encoder_rad)
+        closed = [(begin, end, *at_rest) for begin, end in self.antenna.closed]
         for k, window in enumerate(self.wanted):
             pieces = []
             if k in numbers:
-                free = _free_times(sorted([*self._rests, *self._held(k)]), self.rest, sum(self._span))
+                free = _free_times(sorted([*closed, *self._held(k)]), self.rest, sum(self._span))
                 pieces = self._pieces(window, free, self.gap_s, LEAST_PIECE_S)
             found += pieces or [window]
         self._cut |= {id(self.wanted[k].target) for k in numbers}

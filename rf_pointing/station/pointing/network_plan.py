@@ -216,7 +216,7 @@ class _Network:
         options = [
             Option(candidate=one.candidate, station=one.antenna, target=id(one.window.target), whole=one.number)
             for one in parts
-        ]  # fmt: skip
+        ]
         for k, day in enumerate(self._days):
             start_s, place = day.rest
             # A rest that ends a gap before the start: the antenna needs none to its first pass.
