@@ -348,20 +348,14 @@ def run_setup(program: str, request: RunRequest, output: Path, begin_s: float, a
         parameters[node] = parameters.get(node, {}) | values
     kind |= horizon_to_notes(station.controller.mask)
     return RunSetup(
-        program=program,
-        namespace=request.namespace,
-        nodes=nodes_of(request),
+        program=program, namespace=request.namespace, nodes=nodes_of(request),
         simulated=station.simulated,
         parameter_files=(parameter_file(output, parameters), *request.parameter_files),
-        logs=output / "logs",
-        bag=request.record or output / "bag",
+        logs=output / "logs", bag=request.record or output / "bag",
         notes={"station": station.name, "band": station.band, "sensor": request.sensor, **kind},
-        punctual=ticks,
-        reset_fault=request.reset_fault,
-        begin_s=begin_s,
-        awaited=awaited,
+        punctual=ticks, reset_fault=request.reset_fault, begin_s=begin_s, awaited=awaited,
         processes=request.processes,
-    )
+    )  # fmt: skip
 
 
 def check_files(request: RunRequest) -> None:

@@ -394,13 +394,11 @@ def _spans(rows: Sequence[Mapping[str, Any]], begin_s: float = -math.inf, end_s:
     """Return the contacts of rows between two times."""
     found = [
         _Span(
-            str(row["station"]),
-            str(row["name"]),
-            max(begin_s, parse_utc(str(row["aos_utc"]))),
+            str(row["station"]), str(row["name"]), max(begin_s, parse_utc(str(row["aos_utc"]))),
             min(end_s, parse_utc(str(row["los_utc"]))),
         )
         for row in rows
-    ]
+    ]  # fmt: skip
     return [one for one in found if one.aos_s < one.los_s]
 
 

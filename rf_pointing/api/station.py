@@ -69,12 +69,9 @@ class Station:
     """
 
     def __init__(
-        self,
-        station: str | Path | StationDescription = DEFAULT_STATION,
-        band: str | None = None,
-        *,
-        model: BiasModel | str | Path | None = None,
-    ) -> None:
+        self, station: str | Path | StationDescription = DEFAULT_STATION, band: str | None = None,
+        *, model: BiasModel | str | Path | None = None,
+    ) -> None:  # fmt: skip
         self.description = station if isinstance(station, StationDescription) else read_station(station)
         own = self.description
         self.name, self.site, self.simulated, self.bands = own.name, own.site, own.simulated, own.bands

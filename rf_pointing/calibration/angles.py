@@ -84,11 +84,9 @@ class ArrayAngles(_Angles):
 
     @classmethod
     def of(
-        cls,
-        motion: Sequence[ArrayLike],
-        temperature_k: ArrayLike | None,
+        cls, motion: Sequence[ArrayLike], temperature_k: ArrayLike | None,
         mount: Kinematics | None = None,
-    ) -> "ArrayAngles":
+    ) -> "ArrayAngles":  # fmt: skip
         """Broadcast azimuth, elevation, their rates and their accelerations to one shape."""
         azimuth, elevation, *rates = np.broadcast_arrays(
             *(np.asarray(part, dtype=np.float64) for part in motion)

@@ -237,13 +237,9 @@ class BiasModel:
         return self.remove(*(np.array(axes) - moving + resting), *still)
 
     def apply_moving(
-        self,
-        position_rad: ArrayLike,
-        velocity_rad_s: ArrayLike,
-        acceleration_rad_s2: ArrayLike,
-        *,
+        self, position_rad: ArrayLike, velocity_rad_s: ArrayLike, acceleration_rad_s2: ArrayLike, *,
         temperature_k: ArrayLike | None = None,
-    ) -> tuple[Array, Array, Array]:
+    ) -> tuple[Array, Array, Array]:  # fmt: skip
         """Return the joint motion (..., 2) that keeps the beam on a moving true target.
 
         Columns are azimuth, elevation.  The target's motion is taken to end at its acceleration:

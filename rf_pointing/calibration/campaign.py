@@ -55,17 +55,10 @@ class CandidatePass:
         """Return the points without noise and bias, for the fit's partial derivatives."""
         track, sigma = self.track, np.full(len(self.track.t_s), self.sigma_rad)
         return Observations(
-            station=station,
-            band=band,
-            t_s=track.t_s,
-            pass_id=np.full(len(sigma), pass_id),
-            observed_azimuth_rad=track.azimuth_rad,
-            observed_elevation_rad=track.elevation_rad,
-            sigma_azimuth_rad=sigma,
-            sigma_elevation_rad=sigma,
-            mount=track.mount,
-            **track.truth(),
-        )
+            station=station, band=band, t_s=track.t_s, pass_id=np.full(len(sigma), pass_id),
+            observed_azimuth_rad=track.azimuth_rad, observed_elevation_rad=track.elevation_rad,
+            sigma_azimuth_rad=sigma, sigma_elevation_rad=sigma, mount=track.mount, **track.truth(),
+        )  # fmt: skip
 
 
 Counts = NDArray[np.int64]
@@ -248,15 +241,10 @@ def uninformed_covariance(terms: Sequence[str]) -> Array:
 
 
 def next_best_passes(
-    terms: Sequence[str],
-    covariance: Array,
-    candidates: Sequence[CandidatePass],
-    *,
-    chosen: Sequence[str],
-    count: int,
-    pass_priors: PassPriors | None = None,
+    terms: Sequence[str], covariance: Array, candidates: Sequence[CandidatePass], *,
+    chosen: Sequence[str], count: int, pass_priors: PassPriors | None = None,
     slew: Slew | None = None,
-) -> list[PassAdvice]:
+) -> list[PassAdvice]:  # fmt: skip
     """Return up to `count` passes, the best first, that most reduce the `chosen` terms' sigma.
 
     `covariance` (k, k) is that of the last fit, or `uninformed_covariance`.  Passes that overlap a

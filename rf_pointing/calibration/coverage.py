@@ -20,10 +20,8 @@ class SectorRule(Params):
     azimuth_sectors: int = parameter(12, "sectors around the horizon", 1, 360)
     elevation_edges_rad: tuple[float, ...] = parameter(
         (math.radians(10.0), math.radians(30.0), math.radians(60.0), math.radians(80.0)),
-        "edges of the elevation bands",
-        0.0,
-        math.pi / 2.0,
-    )
+        "edges of the elevation bands", 0.0, math.pi / 2.0,
+    )  # fmt: skip
     fewest: int = parameter(25, "observations a sector must have", 1, 10_000)
     most: int = parameter(30, "observations a sector may have", 1, 10_000)
 

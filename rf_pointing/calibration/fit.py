@@ -88,17 +88,12 @@ def held_at_zero(fitted: Iterable[str]) -> dict[str, float]:
 
 
 def fit_bias_model(
-    observations: Observations,
-    *,
-    terms: Iterable[str] | None = None,
-    held: Mapping[str, float] | None = None,
-    priors: Mapping[str, Prior] | None = None,
-    pass_priors: PassPriors | None = None,
-    shared: SharedErrors | None = None,
-    nuisances: Sequence[Nuisance] = (),
-    options: FitOptions | None = None,
+    observations: Observations, *, terms: Iterable[str] | None = None,
+    held: Mapping[str, float] | None = None, priors: Mapping[str, Prior] | None = None,
+    pass_priors: PassPriors | None = None, shared: SharedErrors | None = None,
+    nuisances: Sequence[Nuisance] = (), options: FitOptions | None = None,
     start: FitResult | None = None,
-) -> FitResult:
+) -> FitResult:  # fmt: skip
     """Fit `terms` to observed minus true angles (SATCAL eqs. 3-8).
 
     Parameters

@@ -122,23 +122,13 @@ class FitProblem:
     """Observation equations of one fit; `solve` linearises and solves them for given weights."""
 
     def __init__(
-        self,
-        data: Observations,
-        names: tuple[str, ...],
-        held: dict[str, float],
-        priors: dict[str, Prior],
-        pass_priors: PassPriors | None,
-        form: str,
-        shared: SharedErrors | None = None,
-        nuisances: Sequence[Nuisance] = (),
-    ) -> None:
+        self, data: Observations, names: tuple[str, ...], held: dict[str, float],
+        priors: dict[str, Prior], pass_priors: PassPriors | None, form: str,
+        shared: SharedErrors | None = None, nuisances: Sequence[Nuisance] = (),
+    ) -> None:  # fmt: skip
         self.data, self.names, self.held, self.priors, self.pass_priors = (
-            data,
-            names,
-            held,
-            priors,
-            pass_priors,
-        )
+            data, names, held, priors, pass_priors,
+        )  # fmt: skip
         self.nuisances = tuple(nuisances)
         self.shared = shared
         self.sharing = (
@@ -215,13 +205,11 @@ class FitProblem:
         )
         return tuple(
             PassErrors(
-                number,
-                dict(zip(names, value, strict=True)),
-                dict(zip(names, spread, strict=True)),
+                number, dict(zip(names, value, strict=True)), dict(zip(names, spread, strict=True)),
                 middles[number],
             )
             for number, value, spread in zip(numbers.tolist(), values, sigma, strict=True)
-        )
+        )  # fmt: skip
 
     def nuisance_estimates(self, last: Round) -> tuple[Array, Array]:
         """Return the nuisances (q,) that the data show, and their covariance (q, q)."""

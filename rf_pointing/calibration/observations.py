@@ -23,19 +23,12 @@ _TURNED_SPREAD_RAD = np.radians(1.0)
 _LARGEST_AZIMUTH_RAD = 3.0 * np.pi
 _TURN = 2.0 * np.pi
 _MOTION = (
-    "true_azimuth_rad",
-    "true_elevation_rad",
-    "azimuth_rate_rad_s",
-    "elevation_rate_rad_s",
-    "azimuth_acceleration_rad_s2",
-    "elevation_acceleration_rad_s2",
-)
+    "true_azimuth_rad", "true_elevation_rad", "azimuth_rate_rad_s", "elevation_rate_rad_s",
+    "azimuth_acceleration_rad_s2", "elevation_acceleration_rad_s2",
+)  # fmt: skip
 _OBSERVED = (
-    "observed_azimuth_rad",
-    "observed_elevation_rad",
-    "sigma_azimuth_rad",
-    "sigma_elevation_rad",
-)
+    "observed_azimuth_rad", "observed_elevation_rad", "sigma_azimuth_rad", "sigma_elevation_rad",
+)  # fmt: skip
 _OPTIONAL = ("range_m", "range_rate_m_s", "temperature_k")
 # Rows farther apart say little: the remainder grows with the cube of their distance.
 _NEIGHBOURS_S = 20.0

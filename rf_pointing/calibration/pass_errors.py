@@ -228,14 +228,9 @@ def pass_partials(
 
 
 def motion_partials(
-    elapsed_s: Array,
-    motion: Sequence[Array],
-    range_m: Array | None,
-    range_rate_m_s: Array | None,
-    names: Sequence[str],
-    lags_s: Pair,
-    mount: Kinematics = LEVEL,
-) -> tuple[Array, Array]:
+    elapsed_s: Array, motion: Sequence[Array], range_m: Array | None, range_rate_m_s: Array | None,
+    names: Sequence[str], lags_s: Pair, mount: Kinematics = LEVEL,
+) -> tuple[Array, Array]:  # fmt: skip
     """Return the same of a motion (angles, rates, accelerations) `elapsed_s` from mid-pass."""
     # A clock error alone needs no range: the rates are enough.
     of_orbit = any(not name.startswith("clock") for name in names)
@@ -389,13 +384,11 @@ def _displacements(elapsed_s: Array, rate_rad_s: Array) -> dict[str, tuple[Array
     zero, rate = np.zeros_like(elapsed_s), rate_rad_s
     cosine, sine = np.cos(rate * elapsed_s), np.sin(rate * elapsed_s) / rate
     return {
-        "along_track_m": (zero + 1.0, zero, zero),
-        "along_track_drift_m_s": (elapsed_s, zero, zero),
-        "cross_track_m": (zero, cosine, zero),
-        "cross_track_drift_m_s": (zero, sine, zero),
+        "along_track_m": (zero + 1.0, zero, zero), "along_track_drift_m_s": (elapsed_s, zero, zero),
+        "cross_track_m": (zero, cosine, zero), "cross_track_drift_m_s": (zero, sine, zero),
         "radial_m": (-2.0 * rate * sine, zero, cosine),
         "radial_drift_m_s": (2.0 * cosine / rate, zero, sine),
-    }
+    }  # fmt: skip
 
 
 def displaced(track: ReferenceTrack, errors: PassErrors) -> ReferenceTrack:
@@ -447,16 +440,13 @@ def _moved(track: ReferenceTrack, sight: _Sight, metres: Array, late_s: float) -
     rate = np.gradient(shift, elapsed, axis=1)
     bend = np.gradient(rate, elapsed, axis=1)
     return replace(
-        track,
-        range_m=track.range_m + farther,
+        track, range_m=track.range_m + farther,
         range_rate_m_s=track.range_rate_m_s + np.gradient(farther, elapsed),
-        azimuth_rad=motion[0] + shift[0],
-        elevation_rad=motion[1] + shift[1],
-        azimuth_rate_rad_s=motion[2] + rate[0],
-        elevation_rate_rad_s=motion[3] + rate[1],
+        azimuth_rad=motion[0] + shift[0], elevation_rad=motion[1] + shift[1],
+        azimuth_rate_rad_s=motion[2] + rate[0], elevation_rate_rad_s=motion[3] + rate[1],
         azimuth_acceleration_rad_s2=motion[4] + bend[0],
         elevation_acceleration_rad_s2=motion[5] + bend[1],
-    )
+    )  # fmt: skip
 
 
 def middles_of_passes(data: Observations) -> Array:

@@ -34,13 +34,9 @@ from rf_pointing.core.types import Array, BoolArray, IntArray, Pair
 # A perfect simulation scatters by nothing; a sigma of zero would divide by zero in the fit.
 _LEAST_SIGMA_RAD = 1e-6
 _MOTION = (
-    "azimuth_rad",
-    "elevation_rad",
-    "azimuth_rate_rad_s",
-    "elevation_rate_rad_s",
-    "azimuth_acceleration_rad_s2",
-    "elevation_acceleration_rad_s2",
-)
+    "azimuth_rad", "elevation_rad", "azimuth_rate_rad_s", "elevation_rate_rad_s",
+    "azimuth_acceleration_rad_s2", "elevation_acceleration_rad_s2",
+)  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -199,13 +195,10 @@ class RawPasses:
             self._report("thinning", outliers.after, thinned),
             self._report("smoothing", len(thinned.t_s), smoothed),
             StageReport(
-                stage="corrections",
-                before=count,
-                after=count,
-                dropped={},
+                stage="corrections", before=count, after=count, dropped={},
                 note="ionosphere" if corrected else "none",
             ),
-        )
+        )  # fmt: skip
         empty = sorted(set(self._numbers) - set(points.passes.tolist()))
         return Processed(
             points, reports, (*self._lost, *(f"pass {number}: too few samples" for number in empty))
@@ -253,16 +246,13 @@ class RawPasses:
         azimuth, elevation = smoothed.residuals.T[:2]
         angles = ("azimuth_rad", "elevation_rad")
         return Observations(
-            station=raw.station,
-            band=raw.band,
-            mount=mount,
-            pass_id=smoothed.passes,
+            station=raw.station, band=raw.band, mount=mount, pass_id=smoothed.passes,
             observed_azimuth_rad=tracks["azimuth_rad"] + shift[0] + azimuth,
             observed_elevation_rad=tracks["elevation_rad"] + shift[1] + elevation,
             sigma_azimuth_rad=sigma[0] * known.sigma_scale[0],
             sigma_elevation_rad=sigma[1] * known.sigma_scale[1],
             **{f"true_{name}" if name in angles else name: value for name, value in tracks.items()},
-        )
+        )  # fmt: skip
 
     def _report(self, stage: str, before: int, result: Thinned) -> StageReport:
         scatter = ", ".join(

@@ -157,10 +157,8 @@ def require_unit(raw: RawTracking, reference: ReferenceTrack) -> None:
     if len(times) < 2:
         return
     at, azimuth, elevation = (
-        reference.at(times),
-        raw.azimuth_rad[rows][places],
-        raw.elevation_rad[rows][places],
-    )
+        reference.at(times), raw.azimuth_rad[rows][places], raw.elevation_rad[rows][places],
+    )  # fmt: skip
 
     def distance(factor: float) -> float:
         across = wrap_rad(factor * azimuth - at.azimuth_rad) * np.cos(at.elevation_rad)

@@ -95,12 +95,10 @@ class ReferenceTrack:
     def over_the_top(self) -> "ReferenceTrack":
         """Return the motion in axis angles of a dish over the top, (az + 180 deg, 180 deg - el)."""
         return replace(
-            self,
-            azimuth_rad=self.azimuth_rad + np.pi,
-            elevation_rad=np.pi - self.elevation_rad,
+            self, azimuth_rad=self.azimuth_rad + np.pi, elevation_rad=np.pi - self.elevation_rad,
             elevation_rate_rad_s=-self.elevation_rate_rad_s,
             elevation_acceleration_rad_s2=-self.elevation_acceleration_rad_s2,
-        )
+        )  # fmt: skip
 
     def motion(self) -> tuple[Array, ...]:
         """Return azimuth, elevation, rates and accelerations, as the bias model takes them."""

@@ -49,10 +49,8 @@ _TURNED_SPREAD_RAD = np.radians(1.0)
 _MEDIAN_TO_SIGMA, _FEWEST_OTHERS = 1.4826, 4
 # By which clocks are off; by which passes scatter, 110 m to 7 km along the track.
 _LATE_S, _SCATTER_S, _LEAST_LATE_S = (
-    (0.2, 2.0, 20.0),
-    tuple(0.015 * 2.0 ** (0.5 * k) for k in range(13)),
-    0.015,
-)
+    (0.2, 2.0, 20.0), tuple(0.015 * 2.0 ** (0.5 * k) for k in range(13)), 0.015,
+)  # fmt: skip
 # -ln of the probability that some passes are late.
 _MOST_GROUPS, _GROUP_COST, _ALONE = 5, 2.0, 2
 # Sigma beyond the lateness that is named in half of the campaigns: 95 of 100.
@@ -244,12 +242,10 @@ def _without_acceleration(
     ones, rates = weight @ np.ones(2), weight @ moved[:2]
     roots = np.roots(
         [
-            0.5 * np.sum(ones),
-            1.5 * float(ones @ moved[:2]),
-            float(rates @ moved[:2] + ones @ moved[2:]),
-            float(rates @ moved[2:]),
+            0.5 * np.sum(ones), 1.5 * float(ones @ moved[:2]),
+            float(rates @ moved[:2] + ones @ moved[2:]), float(rates @ moved[2:]),
         ]
-    )
+    )  # fmt: skip
     real = np.sort(roots.real[np.abs(roots.imag) < _REAL * (1.0 + np.abs(roots))])
     times, between = real[::2], [-math.inf, *real[1::2].tolist(), math.inf]
     slopes = moved[:2] + times[:, np.newaxis]
@@ -372,13 +368,9 @@ def wrong_north(points: Observations, convergence_rad: float) -> SystematicError
     if abs(size) < _LARGEST_NORTH_RAD or sigma > _TURNED_SPREAD_RAD:
         return None
     return SystematicError(
-        "north",
-        float(np.degrees(size)),
-        float(np.degrees(sigma)),
-        "deg",
-        _north(size, convergence_rad),
-        True,
-    )
+        "north", float(np.degrees(size)), float(np.degrees(sigma)), "deg",
+        _north(size, convergence_rad), True,
+    )  # fmt: skip
 
 
 def north_doubt(fit: FitResult, convergence_rad: float) -> SystematicError | None:

@@ -82,16 +82,11 @@ class TermSelection:
 
 
 def select_terms(
-    observations: Observations,
-    candidates: Sequence[str],
-    *,
-    held: Mapping[str, float] | None = None,
-    pass_priors: PassPriors | None = None,
-    about: FitResult | None = None,
-    shared: SharedErrors | None = None,
-    nuisances: Sequence[Nuisance] = (),
-    always: Collection[str] = (),
-) -> TermSelection:
+    observations: Observations, candidates: Sequence[str], *,
+    held: Mapping[str, float] | None = None, pass_priors: PassPriors | None = None,
+    about: FitResult | None = None, shared: SharedErrors | None = None,
+    nuisances: Sequence[Nuisance] = (), always: Collection[str] = (),
+) -> TermSelection:  # fmt: skip
     """Return the `candidates` that the data support; the others count as zero.
 
     Those of `always` are chosen whatever the data show.  Terms that are not candidates have the
@@ -116,12 +111,9 @@ def select_terms(
 
 
 def held_out_passes(
-    observations: Observations,
-    terms: Sequence[str],
-    *,
-    held: Mapping[str, float] | None = None,
+    observations: Observations, terms: Sequence[str], *, held: Mapping[str, float] | None = None,
     pass_priors: PassPriors | None = None,
-) -> HeldOut:
+) -> HeldOut:  # fmt: skip
     """Fit without each pass in turn and return how far off the fit is on the pass left out."""
     # Not rows: those of a pass share its orbit error and would predict each other too well.
     fixed = held_at_zero(terms) if held is None else held
@@ -147,15 +139,10 @@ class _Search:
 
     @classmethod
     def of(
-        cls,
-        data: Observations,
-        names: tuple[str, ...],
-        held: Mapping[str, float],
-        pass_priors: PassPriors | None,
-        about: FitResult | None,
-        shared: SharedErrors | None,
+        cls, data: Observations, names: tuple[str, ...], held: Mapping[str, float],
+        pass_priors: PassPriors | None, about: FitResult | None, shared: SharedErrors | None,
         nuisances: Sequence[Nuisance],
-    ) -> "_Search":
+    ) -> "_Search":  # fmt: skip
         # Products of terms are not terms: a lag of 0.5 s alone looks as 0.12 s^2 more otherwise.
         form = "printed" if about is None else about.form
         problem = FitProblem(

@@ -120,13 +120,9 @@ def _of_axes(term: Term, kind: str) -> Term:
 
 
 _UPPER_COSINE = Term(
-    "elevation_encoder_cosine",
-    0,
-    "rad",
-    "additive",
-    _LOW_AND_HIGH,
+    "elevation_encoder_cosine", 0, "rad", "additive", _LOW_AND_HIGH,
     elevation=lambda a: a.cos_elevation(1),
-)
+)  # fmt: skip
 MOUNT_TERMS: Mapping[str, tuple[Term, ...]] = {
     kind: TERMS if kind == AZIMUTH_ELEVATION else tuple(_of_axes(term, kind) for term in TERMS)
     for kind in MOUNTS

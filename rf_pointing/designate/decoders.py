@@ -72,10 +72,8 @@ class Adsb(Decoder):
         if speed is not None and course is not None:
             east, north = math.sin(math.radians(course)), math.cos(math.radians(course))
             velocity = (
-                speed * KNOT_M_S * east,
-                speed * KNOT_M_S * north,
-                (climb or 0.0) * FOOT_M / 60.0,
-            )
+                speed * KNOT_M_S * east, speed * KNOT_M_S * north, (climb or 0.0) * FOOT_M / 60.0,
+            )  # fmt: skip
             _remember(self._velocities, name, t_s, velocity)
         if latitude is None or longitude is None:
             return []

@@ -70,12 +70,10 @@ class Report:
         for speed in velocity_m_s or ():
             require_between("velocity_m_s", speed, -FASTEST_M_S, FASTEST_M_S)
         return cls(
-            t_s=t_s,
-            name=name,
-            position_m=np.array(earth_fixed_m(*where, height_m)),
+            t_s=t_s, name=name, position_m=np.array(earth_fixed_m(*where, height_m)),
             covariance_m2=(to_fixed * sigmas**2) @ to_fixed.T,
             velocity_m_s=None if velocity_m_s is None else to_fixed @ np.array(velocity_m_s),
-        )
+        )  # fmt: skip
 
     @classmethod
     def of_direction(
@@ -98,11 +96,9 @@ class Report:
         sigmas = np.array([noise.range_m, across_m, across_m])
         axes = to_fixed @ looks
         return cls(
-            t_s=t_s,
-            name=name,
-            position_m=np.array(site.position_m) + range_m * axes[:, 0],
+            t_s=t_s, name=name, position_m=np.array(site.position_m) + range_m * axes[:, 0],
             covariance_m2=(axes * sigmas**2) @ axes.T,
-        )
+        )  # fmt: skip
 
     @property
     def taken_s(self) -> float:

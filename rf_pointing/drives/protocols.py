@@ -224,11 +224,9 @@ class Gs232Protocol(LineProtocol):
     name = "GS-232"
     stop = Request("S", b"S\r")
     dialects = (
-        _dialect("b", rb"AZ\s*=\s*%s[\s,]*EL\s*=\s*%s"),
-        _dialect("a", rb"%s[\s,]*%s", _SIGNED),
-        _dialect("b_azimuth", rb"AZ\s*=\s*%s"),
-        _dialect("a_azimuth", rb"%s", _SIGNED),
-    )
+        _dialect("b", rb"AZ\s*=\s*%s[\s,]*EL\s*=\s*%s"), _dialect("a", rb"%s[\s,]*%s", _SIGNED),
+        _dialect("b_azimuth", rb"AZ\s*=\s*%s"), _dialect("a_azimuth", rb"%s", _SIGNED),
+    )  # fmt: skip
     _azimuth_alone = False
     """Whether C2 was refused, which boards without elevation do not know."""
 

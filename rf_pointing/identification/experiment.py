@@ -104,15 +104,9 @@ class IdentificationExperiment:
     """
 
     def __init__(
-        self,
-        params: ExcitationParams,
-        axis: str,
-        sequences: int,
-        start_rad: float,
-        travel_rad: Pair,
-        random: "np.random.Generator",
-        margin_rad: float = 0.01,
-    ) -> None:
+        self, params: ExcitationParams, axis: str, sequences: int, start_rad: float,
+        travel_rad: Pair, random: "np.random.Generator", margin_rad: float = 0.01,
+    ) -> None:  # fmt: skip
         require_choice("axis", axis, AXES)
         require_between("sequences", sequences, 1, 1000)
         require_between("margin_rad", margin_rad, 0.0, None)

@@ -61,11 +61,9 @@ def observer_markov(inputs: ArrayLike, outputs: ArrayLike, order: int) -> Observ
     ratio = scale_y / scale_u
     markov: Array = np.asarray(solution, dtype=np.float64)
     return ObserverMarkov(
-        direct=float(markov[0]) * ratio,
-        inputs=markov[1 : order + 1] * ratio,
-        outputs=markov[order + 1 :],
-        condition=float(singular[0] / singular[-1]),
-    )
+        direct=float(markov[0]) * ratio, inputs=markov[1 : order + 1] * ratio,
+        outputs=markov[order + 1 :], condition=float(singular[0] / singular[-1]),
+    )  # fmt: skip
 
 
 def system_markov(observer: ObserverMarkov, count: int) -> Array:

@@ -80,13 +80,9 @@ class Executor:
     """
 
     def __init__(
-        self,
-        procedure: Procedure,
-        parameters: Mapping[str, Any],
-        expected_state: ExpectedState,
-        send: Send,
-        zero_s: float = 0.0,
-    ) -> None:
+        self, procedure: Procedure, parameters: Mapping[str, Any], expected_state: ExpectedState,
+        send: Send, zero_s: float = 0.0,
+    ) -> None:  # fmt: skip
         self.parameters = procedure.with_parameters(parameters)
         self.procedure = procedure.with_timeouts(self.parameters)
         self.expected_state, self.zero_s, self._send = expected_state, zero_s, send

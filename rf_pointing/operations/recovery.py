@@ -95,13 +95,11 @@ def read_table(text: str, dictionary: Mapping[str, Collection[str]], thresholds:
         parameters = dict.fromkeys(("azimuth", "elevation"), 0.0)
         actions[name] = procedure_from(
             {
-                "version": 1,
-                "name": name,
-                "parameters": parameters,
+                "version": 1, "name": name, "parameters": parameters,
                 "blocks": {name: block | {"directives": [directive]}},
             },
             dictionary,
-        )
+        )  # fmt: skip
     known = {name: value for name, (_, value) in leaves(thresholds).items()}
     causes = tuple(
         _cause(name, given, actions, known) for name, given in _section("causes", content.get("causes")).items()

@@ -33,13 +33,9 @@ BIASES = dict(
     zip(KINDS, ("azimuth bias", "elevation bias", "range bias", "rate bias"), strict=True)
 )
 COMBINATIONS = (
-    "semi-major axis",
-    "eccentricity along the radius",
-    "eccentricity across it",
-    "place along the track",
-    "cross-track here",
-    "cross-track a quarter of a revolution on",
-)
+    "semi-major axis", "eccentricity along the radius", "eccentricity across it",
+    "place along the track", "cross-track here", "cross-track a quarter of a revolution on",
+)  # fmt: skip
 """Small changes of a nearly circular orbit, each in metres; the columns of `orbit_changes`."""
 # The differences of neighbouring orbits, and of orbits with other forces.
 _STEP = np.array([10.0] * 3 + [0.01] * 3)
@@ -80,11 +76,8 @@ class Priors(Params):
     def bias(self, kind: str) -> float:
         """Return the sigma of the bias of a measured quantity."""
         by_kind = (
-            self.azimuth_bias_rad,
-            self.elevation_bias_rad,
-            self.range_bias_m,
-            self.rate_bias_m_s,
-        )
+            self.azimuth_bias_rad, self.elevation_bias_rad, self.range_bias_m, self.rate_bias_m_s,
+        )  # fmt: skip
         return dict(zip(KINDS, by_kind, strict=True))[kind]
 
 
@@ -173,14 +166,9 @@ class Dynamics:
                 wanted = np.append(wanted, float(self.manoeuvre_t_s or 0.0) - begin_s)
             if len(wanted):
                 found = propagate_together(
-                    start,
-                    wanted,
-                    POINT_MASS,
-                    epoch_t_s=begin_s,
-                    disturbances=self.forces,
-                    scales=scales,
-                    tolerance=_TOLERANCE,
-                )
+                    start, wanted, POINT_MASS, epoch_t_s=begin_s, disturbances=self.forces,
+                    scales=scales, tolerance=_TOLERANCE,
+                )  # fmt: skip
                 whole[part] = found[: int(np.sum(part))]
             if not last:
                 start, begin_s = found[-1].copy(), float(self.manoeuvre_t_s or 0.0)
@@ -392,12 +380,9 @@ class _Rows:
 
 
 def determine(
-    prior: Prior,
-    passes: Sequence[PassData],
-    dynamics: Dynamics,
-    priors: Priors,
+    prior: Prior, passes: Sequence[PassData], dynamics: Dynamics, priors: Priors,
     loose: int | None = None,
-) -> Orbits:
+) -> Orbits:  # fmt: skip
     """Return the orbits that fit the passes best; every trial has its own prior state and values.
 
     The sigma of a pass grows to what its residuals show, and points beyond 5 of it are left out.
@@ -455,19 +440,11 @@ def determine(
             stage += 1
         elif settled:
             return Orbits(
-                prior=prior,
-                dynamics=dynamics,
-                priors=priors,
-                passes=ordered,
-                names=tuple(rows.names),
-                values=values,
-                formal=estimate.formal,
-                sensitivity=estimate.sensitivity,
-                considered=tuple(rows.considered),
-                scale=scale,
-                used=weight > 0.0,
-                iterations=iteration,
-            )
+                prior=prior, dynamics=dynamics, priors=priors, passes=ordered,
+                names=tuple(rows.names), values=values, formal=estimate.formal,
+                sensitivity=estimate.sensitivity, considered=tuple(rows.considered), scale=scale,
+                used=weight > 0.0, iterations=iteration,
+            )  # fmt: skip
     raise ValueError(f"the orbit has not settled after {_MOST_ITERATIONS} iterations")
 
 

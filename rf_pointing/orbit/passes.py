@@ -90,13 +90,10 @@ def forces_of(elements: Elements, state: Array) -> Disturbances:
     """Return the forces on a satellite, its drag from B* in the mean atmosphere at its height."""
     height_m = float(np.linalg.norm(state[:3])) - EARTH_RADIUS_M
     return Disturbances(
-        degree=DEGREE,
-        sun=True,
-        moon=True,
-        radiation_m2_kg=_RADIATION_M2_KG,
+        degree=DEGREE, sun=True, moon=True, radiation_m2_kg=_RADIATION_M2_KG,
         ballistic_m2_kg=min(max(_BALLISTIC_PER_BSTAR * elements.drag_per_earth_radius, 1e-3), 1.0),
         **Disturbances.air_at(height_m),
-    )
+    )  # fmt: skip
 
 
 def points_of(
@@ -145,14 +142,10 @@ def points_of(
     true = elevation if refraction is None else refraction.remove(elevation)
     columns |= {"azimuth_rad": azimuth, "elevation_rad": true}
     data = PassData(
-        station=raw.station,
-        t_s=times,
-        motion=motion_of_site(site, times),
-        kinds=kinds,
+        station=raw.station, t_s=times, motion=motion_of_site(site, times), kinds=kinds,
         values=np.stack([columns[kind] for kind in kinds], axis=-1)[np.newaxis],
-        sigma=np.array(sigmas),
-        bending_rad=elevation - true,
-    )
+        sigma=np.array(sigmas), bending_rad=elevation - true,
+    )  # fmt: skip
     return data, report.text() if report.before > report.after else ""
 
 
@@ -213,12 +206,9 @@ def _named(k: int, one: PassData) -> str:
 
 
 def _tried(
-    prior: Prior,
-    passes: Sequence[PassData],
-    dynamics: Dynamics,
-    priors: Priors,
+    prior: Prior, passes: Sequence[PassData], dynamics: Dynamics, priors: Priors,
     loose: int | None = None,
-) -> tuple[Orbits, str]:
+) -> tuple[Orbits, str]:  # fmt: skip
     """Return an orbit, and what is wrong with it."""
     found = determine(prior, passes, dynamics, priors, loose)
     step = np.linalg.solve(
@@ -297,27 +287,19 @@ def mean_elements(
     motion = old.mean_motion_rad_s * (record.a / record.am) ** 1.5
     start = np.array(
         [
-            motion,
-            record.em * math.cos(record.om),
-            record.em * math.sin(record.om),
-            record.im,
-            record.Om,
-            record.mm + record.om,
+            motion, record.em * math.cos(record.om), record.em * math.sin(record.om), record.im,
+            record.Om, record.mm + record.om,
         ]
-    )
+    )  # fmt: skip
 
     def made(p: Array) -> Elements:
         # A circle has no perigee: its vector has no singularity there.
         perigee = math.atan2(p[2], p[1])
         return replace(
-            fresh,
-            mean_motion_rad_s=float(p[0]),
-            eccentricity=math.hypot(p[1], p[2]),
-            inclination_rad=float(p[3]),
-            ascending_node_rad=float(p[4]) % TURN,
-            argument_of_perigee_rad=perigee % TURN,
-            mean_anomaly_rad=(float(p[5]) - perigee) % TURN,
-        )
+            fresh, mean_motion_rad_s=float(p[0]), eccentricity=math.hypot(p[1], p[2]),
+            inclination_rad=float(p[3]), ascending_node_rad=float(p[4]) % TURN,
+            argument_of_perigee_rad=perigee % TURN, mean_anomaly_rad=(float(p[5]) - perigee) % TURN,
+        )  # fmt: skip
 
     def off(p: Array) -> Array:
         propagated = made(p).satrec()

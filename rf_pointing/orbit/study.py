@@ -118,20 +118,11 @@ class Knowledge:
 
 
 def known_orbit(
-    epoch_t_s: float,
-    state: Array,
-    stations: Mapping[str, StationMotion],
-    t_s: Array,
-    tracking: Tracking,
-    *,
-    forces: Disturbances,
-    before: Before | None = None,
-    considered: Considered | None = None,
-    station_m: Mapping[str, float] | None = None,
-    until_t_s: float = math.inf,
-    schedule: BoolArray | None = None,
-    burn_t_s: float | None = None,
-) -> Knowledge:
+    epoch_t_s: float, state: Array, stations: Mapping[str, StationMotion], t_s: Array,
+    tracking: Tracking, *, forces: Disturbances, before: Before | None = None,
+    considered: Considered | None = None, station_m: Mapping[str, float] | None = None,
+    until_t_s: float = math.inf, schedule: BoolArray | None = None, burn_t_s: float | None = None,
+) -> Knowledge:  # fmt: skip
     """Return what is known of an orbit at rising times (n,), which are those of measurements.
 
     Parameters
@@ -208,14 +199,11 @@ def known_orbit(
     coordinates = [(station_m or {}).get(name, rest.station_m) for name in stations]
     spread = np.array(
         [
-            rest.gm,
-            rest.field,
-            rest.ut1_s,
-            rest.pole_m / EARTH_RADIUS_M,
+            rest.gm, rest.field, rest.ut1_s, rest.pole_m / EARTH_RADIUS_M,
             rest.pole_m / EARTH_RADIUS_M,
         ]
         + [size for each in coordinates for size in (each, each, each, rest.clock_s)]
-    )
+    )  # fmt: skip
     effect = shift * spread
     kinds = [
         *_EARTH,
@@ -275,16 +263,9 @@ class _Station:
         self.rates = rates[:, columns]
 
     def rows(
-        self,
-        k: int,
-        number: int,
-        own: Array,
-        dynamic: Array,
-        state: Array,
-        fixed: int,
-        stations: int,
-        tracking: Tracking,
-    ) -> tuple[Array, float, Array]:
+        self, k: int, number: int, own: Array, dynamic: Array, state: Array, fixed: int,
+        stations: int, tracking: Tracking,
+    ) -> tuple[Array, float, Array]:  # fmt: skip
         """Return partials, values (0) and partials of what is considered, of unit variance."""
         count = len(tracking.kinds)
         weight = 1.0 / (np.array([noise for _, noise, _ in tracking.kinds]) * self.sky[k])

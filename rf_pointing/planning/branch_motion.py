@@ -118,14 +118,9 @@ def _over(
 
 
 def _planned(
-    t_s: Array,
-    first: Triple,
-    second: Triple,
-    most: AxisRates,
-    ends_rad: Pair,
-    lag: Lag,
+    t_s: Array, first: Triple, second: Triple, most: AxisRates, ends_rad: Pair, lag: Lag,
     crossing_within: Callable[[AxisMotionLimits], Crossing | None],
-) -> tuple[Crossing | None, Array]:
+) -> tuple[Crossing | None, Array]:  # fmt: skip
     """Plan a crossing within what the lags of the mount leave of the axes' rates `most`.
 
     `ends_rad` are the ends of the upper axis's travel that bound keyholes.

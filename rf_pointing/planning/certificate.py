@@ -168,19 +168,11 @@ class Certificate:
 
 
 def certify(
-    profile: PassProfile,
-    axes: dict[bool, tuple[Array, Array, Array]],
-    issued_t_s: float,
-    encoder_rad: Pair,
-    machine: MachineParams,
-    limits: AxisLimits,
-    mask: HorizonMask,
-    gain: Gain,
-    lag: Lag = no_lag,
-    slew: Slew | None = None,
-    cost: SensorCost | None = None,
+    profile: PassProfile, axes: dict[bool, tuple[Array, Array, Array]], issued_t_s: float,
+    encoder_rad: Pair, machine: MachineParams, limits: AxisLimits, mask: HorizonMask, gain: Gain,
+    lag: Lag = no_lag, slew: Slew | None = None, cost: SensorCost | None = None,
     mount: Kinematics = LEVEL,
-) -> Certificate:
+) -> Certificate:  # fmt: skip
     """Return the certificate of a pass.
 
     Parameters
@@ -211,17 +203,13 @@ def certify(
         for turns in _turns(motion.axes_rad[:, 0], limits)
     ]
     return Certificate(
-        name=profile.name,
-        issued_t_s=issued_t_s,
-        aos_t_s=float(profile.t_s[0]),
+        name=profile.name, issued_t_s=issued_t_s, aos_t_s=float(profile.t_s[0]),
         los_t_s=float(profile.t_s[-1]),
         sky_peak_rad=float(_elevations(profile.position_rad, mount).max()),
-        branches=tuple(sorted(branches, key=branch_cost)),
-        machine=machine,
-        carrier_to_noise_db_hz=cost.carrier_to_noise_db_hz if cost else (),
-        mount=mount,
+        branches=tuple(sorted(branches, key=branch_cost)), machine=machine,
+        carrier_to_noise_db_hz=cost.carrier_to_noise_db_hz if cost else (), mount=mount,
         acquisition_band=cost.acquisition_band if cost else "",
-    )
+    )  # fmt: skip
 
 
 def _elevations(axes_rad: Array, mount: Kinematics) -> Array:

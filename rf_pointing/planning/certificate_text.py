@@ -86,13 +86,11 @@ def certificate_values(certificate: Certificate) -> dict[str, Any]:
     values["accepted"], values["refusal"] = certificate.chosen is not None, certificate.reason
     values["branches"] = [
         {
-            **_plain(branch),
-            "refusals": list(branch.reasons),
-            "works": branch.works,
+            **_plain(branch), "refusals": list(branch.reasons), "works": branch.works,
             "chosen": branch is certificate.chosen,
         }
         for branch in certificate.branches
-    ]
+    ]  # fmt: skip
     values["machine"] = _plain(certificate.machine)
     if not certificate.mount.level:
         values["mount"] = _plain(certificate.mount)

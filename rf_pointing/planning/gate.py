@@ -84,14 +84,9 @@ class Gate:
         self._paths = PathFinder(self._sky, axes, (self._low, self._high))
 
     def check(
-        self,
-        kind: str,
-        encoder_rad: Pair,
-        positions: Array,
-        velocities: Array | None = None,
-        sun_rad: Pair | None = None,
-        high_wind: str = "",
-    ) -> Decision:
+        self, kind: str, encoder_rad: Pair, positions: Array, velocities: Array | None = None,
+        sun_rad: Pair | None = None, high_wind: str = "",
+    ) -> Decision:  # fmt: skip
         """Answer for a motion of one of `MOTIONS` from `encoder_rad` through `positions` (n, 2).
 
         A motion between points is taken from the present position to each of them in turn, with a
@@ -136,13 +131,9 @@ class Gate:
         return self._paths.barred(positions, rates, target, sun_rad)
 
     def position(
-        self,
-        azimuth_rad: float,
-        elevation_rad: float,
-        encoder_rad: Pair | None = None,
-        sun_rad: Pair | None = None,
-        tolerance_rad: float = 0.0,
-    ) -> str:
+        self, azimuth_rad: float, elevation_rad: float, encoder_rad: Pair | None = None,
+        sun_rad: Pair | None = None, tolerance_rad: float = 0.0,
+    ) -> str:  # fmt: skip
         """Return "" when the position may be commanded, else the reason; plain floats."""
         return self.limits.reason(
             azimuth_rad, elevation_rad, encoder_rad, tolerance_rad, self.mount.axes

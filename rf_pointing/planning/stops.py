@@ -22,15 +22,9 @@ INSIDE_RAD = 1e-3
 
 
 def within_stops(
-    t_s: Array,
-    position: Array,
-    velocity: Array,
-    acceleration: Array,
-    ends_rad: Pair,
-    gain: Gain,
-    limits: AxisMotionLimits,
-    target: Array | None = None,
-) -> Crossing | None:
+    t_s: Array, position: Array, velocity: Array, acceleration: Array, ends_rad: Pair, gain: Gain,
+    limits: AxisMotionLimits, target: Array | None = None,
+) -> Crossing | None:  # fmt: skip
     """Return the motion of least loss that keeps an azimuth within `ends_rad`; None without one.
 
     The path (n, 2) is as the axes would have to move, at even times.  One that crosses the zenith
@@ -71,14 +65,9 @@ def _ways(t_s: Array, azimuth: Array, ends_rad: Pair, rate: float) -> Iterator[t
 
 
 def _rounded(
-    t_s: Array,
-    position: Array,
-    velocity: Array,
-    acceleration: Array,
-    way: tuple[Array, int, int, int],
-    limits: AxisMotionLimits,
-    target: Array,
-) -> Crossing:
+    t_s: Array, position: Array, velocity: Array, acceleration: Array,
+    way: tuple[Array, int, int, int], limits: AxisMotionLimits, target: Array,
+) -> Crossing:  # fmt: skip
     wanted, first, last, turns = way
     step_s = float(t_s[1] - t_s[0])
     rates = np.diff(wanted) / step_s

@@ -53,10 +53,8 @@ class Loop:
 
     def __init__(self, bandwidth_hz: float, step_s: float) -> None:
         self._natural, self._assist, self._step_s = (
-            NATURAL * bandwidth_hz,
-            ASSIST_SHARE * ASSIST * bandwidth_hz,
-            step_s,
-        )
+            NATURAL * bandwidth_hz, ASSIST_SHARE * ASSIST * bandwidth_hz, step_s,
+        )  # fmt: skip
         self.start(0.0)
 
     def start(self, frequency_hz: float, rate_hz_s: float = 0.0) -> None:
@@ -120,14 +118,9 @@ class CarrierTracker:
         return self.tracking and self._tracked * self._layout.hop_s > LOST_S and self._angle > 0.4
 
     def take(
-        self,
-        block: Spectrum,
-        predicted_hz: Pair,
-        frame: int,
-        power: NDArray[np.float32],
-        noise: float,
-        drifts: bool = False,
-    ) -> ComplexArray:
+        self, block: Spectrum, predicted_hz: Pair, frame: int, power: NDArray[np.float32],
+        noise: float, drifts: bool = False,
+    ) -> ComplexArray:  # fmt: skip
         """Take a block; return its integration (channels,) at the carrier.
 
         `predicted_hz` are the frequencies at the begin and end of its middle part, from the centre
@@ -167,13 +160,9 @@ class CarrierTracker:
         return samples * np.exp(-2j * np.pi * turns), 0.5 * (begin + end) * layout.hop_s
 
     def _search(
-        self,
-        block: Spectrum,
-        predicted_hz: Pair,
-        frame: int,
-        power: NDArray[np.float32],
+        self, block: Spectrum, predicted_hz: Pair, frame: int, power: NDArray[np.float32],
         drifts: bool,
-    ) -> None:
+    ) -> None:  # fmt: skip
         if self._candidate_hz is not None:
             self._fine.append(
                 self._mixed(block, predicted_hz, self._candidate_hz, self._phase)[0][0]

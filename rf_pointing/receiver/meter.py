@@ -346,12 +346,10 @@ class SignalMeter:
         assert end_s is not None
         self._burst_s, self._level_db_hz = end_s, 10.0 * math.log10(burst.ratio_hz)
         power = CarrierPower(
-            t_s=end_s,
-            integration_s=burst.seconds,
-            power_w=burst.ratio_hz * watts,
+            t_s=end_s, integration_s=burst.seconds, power_w=burst.ratio_hz * watts,
             sigma_w=math.hypot(burst.sigma_hz, burst.ratio_hz * self.noise.sigma) * watts,
             carrier_to_noise_db_hz=self._level_db_hz,
-        )
+        )  # fmt: skip
         return Measurement(power, None, power_bound(burst.ratio_hz, burst.seconds) * watts)
 
     def _cluster(self, power: CarrierPower, density: float) -> MonopulseCluster:
@@ -361,12 +359,9 @@ class SignalMeter:
         prompts = prompts / math.sqrt(density)
         times = np.array(self._times) - 0.5 * self.layout.hop_s
         return MonopulseCluster(
-            t_s=times,
-            sum=prompts[:, 0],
-            difference_cross_elevation=prompts[:, 1],
-            difference_elevation=prompts[:, 2],
-            carrier_to_noise_db_hz=power.carrier_to_noise_db_hz,
-        )
+            t_s=times, sum=prompts[:, 0], difference_cross_elevation=prompts[:, 1],
+            difference_elevation=prompts[:, 2], carrier_to_noise_db_hz=power.carrier_to_noise_db_hz,
+        )  # fmt: skip
 
     def _watch_lines(self, spectrum: NDArray[np.float32], usable: BoolArray, blocks: int) -> None:
         self._long += blocks * spectrum

@@ -32,11 +32,9 @@ class SourceLinkParams(Params):
     baud: int = parameter(9600, "speed of the serial port", 50, 4_000_000)
     file: str = parameter("", "recording: the .sigmf-meta file")
     latency_s: float = parameter(
-        0.0,
-        "time from the antenna to the arrival of a sample or level without a time stamp",
-        0.0,
+        0.0, "time from the antenna to the arrival of a sample or level without a time stamp", 0.0,
         10.0,
-    )
+    )  # fmt: skip
     silence_s: float = parameter(
         1.0, "time without a sample after which the source is lost", 0.1, 60.0
     )
@@ -79,11 +77,9 @@ class SignalSearchParams(Params):
         CARRIER, "carrier: a line; band: total power; preamble: a known sequence", choices=DETECTORS
     )
     uncertainty_hz: float = parameter(
-        20e3,
-        "half the range in which the signal is searched around its predicted frequency",
-        10.0,
+        20e3, "half the range in which the signal is searched around its predicted frequency", 10.0,
         1e7,
-    )
+    )  # fmt: skip
     loop_bandwidth_hz: float = parameter(8.0, "noise bandwidth of the phase-locked loop", 0.5, 15.0)
     band_hz: float = parameter(20e3, "bandwidth whose power is measured (band)", 100.0, 5e7)
     lock_sigmas: float = parameter(

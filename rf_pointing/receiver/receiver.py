@@ -48,10 +48,8 @@ class SignalReceiver:
         for each in found:
             self.spin.take(each.power.t_s, each.power.power_w)
             self.newest, self.reports, self._age_s = (
-                each.power,
-                self.reports + 1,
-                t_s - each.power.t_s,
-            )
+                each.power, self.reports + 1, t_s - each.power.t_s,
+            )  # fmt: skip
         if t_s - self._spin_s > SPIN_EVERY_S or t_s < self._spin_s:
             spin, self._spin_s = self.spin.estimate(), t_s
             self._spin_text = "" if spin is None else (

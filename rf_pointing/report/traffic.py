@@ -27,15 +27,13 @@ class Hop:
 
 
 HOPS = (
-    Hop("clock", "joint_states"),
-    Hop("joint_states", "sim/boresight"),
-    Hop("sim/boresight", "sim/pointing_error"),
-    Hop("sim/boresight", Sensor.MONOPULSE),
+    Hop("clock", "joint_states"), Hop("joint_states", "sim/boresight"),
+    Hop("sim/boresight", "sim/pointing_error"), Hop("sim/boresight", Sensor.MONOPULSE),
     Hop("sim/boresight", "carrier_power"),
     Hop(Sensor.MONOPULSE, "pointing_error", sensor=Sensor.MONOPULSE),
     Hop("pointing_error", "tracking_status", "reaction"),
     Hop("pointing_error", "joint_trajectory", "reaction"),
-)
+)  # fmt: skip
 """The loop from the clock through antenna, receiver and tracker back to the command."""
 
 

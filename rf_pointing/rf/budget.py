@@ -40,13 +40,9 @@ def gain_of_beam_dbi(half_power_beamwidth_deg: float) -> float:
 
 
 def zenith_level_db_hz(
-    eirp_dbw: float,
-    gain_dbi: float,
-    frequency_hz: float,
-    range_m: float,
-    loss_db: float,
+    eirp_dbw: float, gain_dbi: float, frequency_hz: float, range_m: float, loss_db: float,
     noise_k: float,
-) -> float:
+) -> float:  # fmt: skip
     """Return the C/N0 of a satellite that sends `eirp_dbw`; `loss_db` is of air, polarisation."""
     spreading_db = 20.0 * math.log10(4.0 * math.pi * range_m * frequency_hz / SPEED_OF_LIGHT_M_S)
     density_dbw_hz = 10.0 * math.log10(BOLTZMANN_J_K * noise_k)

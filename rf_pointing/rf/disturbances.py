@@ -73,11 +73,9 @@ class InterferenceParams(Params):
     level_db_hz: float = parameter(25.0, "power of the line over the noise density", -40.0, 120.0)
     frequency_offset_hz: float = parameter(7.0, "distance from the carrier", -1000.0, 1000.0)
     difference_ratio: Pair = parameter(
-        (0.7, -0.4),
-        "voltage in cross-elevation and elevation difference over that in the sum",
-        -3.0,
-        3.0,
-    )
+        (0.7, -0.4), "voltage in cross-elevation and elevation difference over that in the sum",
+        -3.0, 3.0,
+    )  # fmt: skip
 
 
 def interference_volts(params: InterferenceParams, t_s: Array, sample_s: float) -> ComplexArray:

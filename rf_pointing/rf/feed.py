@@ -50,17 +50,13 @@ class MonopulseFeedParams(Params):
         (0.0, 0.0), "gain of each difference channel relative to the sum channel", -20.0, 20.0
     )
     difference_phase_rad: Pair = parameter(
-        (0.0, 0.0),
-        "phase of each difference channel relative to the sum channel",
-        -math.pi,
+        (0.0, 0.0), "phase of each difference channel relative to the sum channel", -math.pi,
         math.pi,
-    )
+    )  # fmt: skip
     cross_talk: Pair = parameter(
-        (0.0, 0.0),
-        "voltage ratio of elevation in the cross-elevation channel and the reverse",
-        0.0,
-        1.0,
-    )
+        (0.0, 0.0), "voltage ratio of elevation in the cross-elevation channel and the reverse",
+        0.0, 1.0,
+    )  # fmt: skip
     cross_talk_phase_rad: Pair = parameter(
         (0.0, 0.0), "phase of each cross-talk", -math.pi, math.pi
     )
@@ -129,11 +125,8 @@ def _comparator(
         return normalised_voltage(beam, angle)
 
     upper_right, upper_left, lower_right, lower_left = (
-        beam_at(1, 1),
-        beam_at(-1, 1),
-        beam_at(1, -1),
-        beam_at(-1, -1),
-    )
+        beam_at(1, 1), beam_at(-1, 1), beam_at(1, -1), beam_at(-1, -1),
+    )  # fmt: skip
     # Relative to the sum on the axis, so that the C/N0 is that of a beam on the target.
     on_axis = 4.0 * float(normalised_voltage(beam, np.asarray(math.sqrt(2.0) * squint / width)))
     right, left = upper_right + lower_right, upper_left + lower_left

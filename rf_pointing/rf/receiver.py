@@ -73,13 +73,9 @@ class Receiver:
     """Sum and difference channels behind `feed`, carrier power behind `beam`; noise from `rng`."""
 
     def __init__(
-        self,
-        params: ReceiverParams,
-        beam: Beam | MonopulseFeed,
-        feed: MonopulseFeed,
-        rng: "np.random.Generator",
-        interference: InterferenceParams | None = None,
-    ) -> None:
+        self, params: ReceiverParams, beam: Beam | MonopulseFeed, feed: MonopulseFeed,
+        rng: "np.random.Generator", interference: InterferenceParams | None = None,
+    ) -> None:  # fmt: skip
         self.params = params
         self.beam = beam
         self.feed = feed
@@ -88,13 +84,9 @@ class Receiver:
         self.state = ReceiverState()
 
     def cluster(
-        self,
-        t_s: ArrayLike,
-        offset_cross_elevation_rad: ArrayLike,
-        offset_elevation_rad: ArrayLike,
-        carrier_to_noise_db_hz: ArrayLike,
-        sample_s: float,
-    ) -> MonopulseCluster:
+        self, t_s: ArrayLike, offset_cross_elevation_rad: ArrayLike,
+        offset_elevation_rad: ArrayLike, carrier_to_noise_db_hz: ArrayLike, sample_s: float,
+    ) -> MonopulseCluster:  # fmt: skip
         """Return the samples of one cluster.
 
         Offsets (n,) are target minus beam at the times `t_s` (n,), n >= 3; the C/N0 (scalar or
@@ -124,21 +116,14 @@ class Receiver:
         )  # fmt: skip
         total, right, up = gain * channels
         return MonopulseCluster(
-            t_s=times,
-            sum=total,
-            difference_cross_elevation=right,
-            difference_elevation=up,
+            t_s=times, sum=total, difference_cross_elevation=right, difference_elevation=up,
             carrier_to_noise_db_hz=measured_db_hz,
-        )
+        )  # fmt: skip
 
     def carrier_power(
-        self,
-        t_s: float,
-        integration_s: float,
-        offset_cross_elevation_rad: ArrayLike,
-        offset_elevation_rad: ArrayLike,
-        carrier_to_noise_db_hz: ArrayLike,
-    ) -> CarrierPower:
+        self, t_s: float, integration_s: float, offset_cross_elevation_rad: ArrayLike,
+        offset_elevation_rad: ArrayLike, carrier_to_noise_db_hz: ArrayLike,
+    ) -> CarrierPower:  # fmt: skip
         """Return the carrier power over `integration_s` ending at `t_s` (CONSCAN B-1 to B-5).
 
         The offsets (scalar or (n,)) and C/N0 are those during the integration; the carrier
@@ -158,12 +143,10 @@ class Receiver:
         noise_sigma = noise_w_hz / math.sqrt(self.params.noise_bandwidth_hz * integration_s)
         measured_noise = noise_w_hz + noise_sigma * self.rng.standard_normal()
         return CarrierPower(
-            t_s=t_s,
-            integration_s=integration_s,
-            power_w=ratio_hz * measured_noise,
+            t_s=t_s, integration_s=integration_s, power_w=ratio_hz * measured_noise,
             sigma_w=_power_sigma_w(ratio_hz, measured_noise, noise_sigma, integration_s),
             carrier_to_noise_db_hz=max(_db(ratio_hz), self.params.floor_db_hz),
-        )
+        )  # fmt: skip
 
     def _advance_phase(self, times: Array) -> Array:
         previous = times[0] if self.state.t_s is None else self.state.t_s

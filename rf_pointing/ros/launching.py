@@ -272,16 +272,12 @@ def _station_processes(
     def process(room: tuple[str, ...], **more: str) -> Process:
         alone = len(room) == 1
         return Process(
-            executable=room[0] if alone else SEVERAL,
-            namespace=space,
-            nodes=room,
-            parameters=({name: given[name] | more for name in room}, *files),
-            remappings=remappings,
-            environment=environment,
-            respawn=respawn,
+            executable=room[0] if alone else SEVERAL, namespace=space, nodes=room,
+            parameters=({name: given[name] | more for name in room}, *files), remappings=remappings,
+            environment=environment, respawn=respawn,
             arguments=() if alone else room if respawn else (*room, "--no-restart"),
             ros_arguments=enclave(space, room[0]) if alone else (),
-        )
+        )  # fmt: skip
 
     second = [process((CONTROLLER,), **{STANDBY_ROLE: SECOND})] if values["standby"] in ("here", "only") else []
     if values["standby"] == "only":

@@ -322,16 +322,10 @@ class StationClient(GraphRun):
         self.node.create_subscription(DiagnosticArray, "/diagnostics", note, 100)
 
     def track(
-        self,
-        satellite: str,
-        sensor: str = "auto",
-        min_peak_rad: float = 0.0,
-        near_s: float | None = None,
-        output: Path | None = None,
-        *,
-        band: str = "",
+        self, satellite: str, sensor: str = "auto", min_peak_rad: float = 0.0,
+        near_s: float | None = None, output: Path | None = None, *, band: str = "",
         record: bool = True,
-    ) -> bool:
+    ) -> bool:  # fmt: skip
         """Track the pass at or nearest to `near_s` (None: the next), with recording and report.
 
         Return whether it was tracked.

@@ -42,13 +42,10 @@ class TopicDrive(Drive):
         rotator = params.rotator
         first, second = (step or 1e-4 for step in rotator.resolution_rad)
         self.capabilities = Capabilities(
-            set_points=model,
-            resolution_rad=(first, second),
-            rate_rad_s=rotator.rate_rad_s,
-            period_s=params.link.poll_period_s,
-            latency_s=rotator.latency_s,
+            set_points=model, resolution_rad=(first, second), rate_rad_s=rotator.rate_rad_s,
+            period_s=params.link.poll_period_s, latency_s=rotator.latency_s,
             one_turn=rotator.reads_one_turn,
-        )
+        )  # fmt: skip
         self.losses: dict[str, int] = {"state that cannot be used": 0}
         self._lost_s, self._t_s, self._stepped_s = params.link.lost_s, 0.0, 0.0
         self._reading: DriveReading | None = None

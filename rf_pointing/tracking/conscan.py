@@ -127,15 +127,11 @@ class ConscanTracker:
             self._leave_out(window, found.left_out)
         sums, right_up_rad = np.add.reduce(window.rows).tolist(), found.error_rad.tolist()
         return PointingError(
-            t_s=sums[0] / len(window),
-            sensor=Sensor.CONSCAN,
-            cross_elevation_rad=right_up_rad[0],
-            elevation_rad=right_up_rad[1],
-            covariance_rad2=found.covariance_rad2,
-            carrier_to_noise_db_hz=sums[5] / len(window),
-            valid=not found.reason,
+            t_s=sums[0] / len(window), sensor=Sensor.CONSCAN, cross_elevation_rad=right_up_rad[0],
+            elevation_rad=right_up_rad[1], covariance_rad2=found.covariance_rad2,
+            carrier_to_noise_db_hz=sums[5] / len(window), valid=not found.reason,
             reason=found.reason,
-        )
+        )  # fmt: skip
 
     def _leave_out(self, window: PowerWindow, row: int) -> None:
         """Reject a sample that does not follow the beam as all others do."""

@@ -31,12 +31,9 @@ def conscan_loss(half_power_beamwidth_rad: float, offset_rad: float) -> float:
 
 
 def conscan_sigma_eq25_rad(
-    half_power_beamwidth_rad: float,
-    radius_rad: float,
-    samples: int,
-    carrier_to_noise_db_hz: float,
+    half_power_beamwidth_rad: float, radius_rad: float, samples: int, carrier_to_noise_db_hz: float,
     integration_s: float = 1.0,
-) -> float:
+) -> float:  # fmt: skip
     """Return the sigma per axis for the Block V receiver (eq. 25, there with 1 s)."""
     relative = math.sqrt(2.0 / (10.0 ** (carrier_to_noise_db_hz / 10.0) * integration_s))
     relative /= conscan_loss(half_power_beamwidth_rad, radius_rad)
@@ -86,12 +83,10 @@ def design_scan(params: ScanDesignParams, carrier_to_noise_db_hz: float, wanted_
     if samples > most:
         samples, radius = most, _radius(params, most, carrier_to_noise_db_hz, wanted_sigma_rad)
     return ScanDesign(
-        radius,
-        samples * params.integration_s,
-        samples,
+        radius, samples * params.integration_s, samples,
         _sigma(params, radius, samples, carrier_to_noise_db_hz),
         -10.0 * math.log10(conscan_loss(params.half_power_beamwidth_rad, radius)),
-    )
+    )  # fmt: skip
 
 
 def conscan_of_band(of: BandNumbers) -> Rows:

@@ -113,14 +113,9 @@ class InnovationBank:
         return cls(t_s=t_s, position_rad=start, velocity_rad_s=np.zeros_like(start), covariance=covariance)
 
     def step(
-        self,
-        t_s: float,
-        beam_rad: complex,
-        error_rad: complex,
-        noise_rad2: Array,
-        walk: Array,
+        self, t_s: float, beam_rad: complex, error_rad: complex, noise_rad2: Array, walk: Array,
         acceleration: Array | float,
-    ) -> tuple["InnovationBank", ComplexArray, Array]:
+    ) -> tuple["InnovationBank", ComplexArray, Array]:  # fmt: skip
         """Return the bank after a later measurement, and what was new in it.
 
         New in beam and error (2, n), cross-elevation + j elevation; variance (n,) per axis.
@@ -198,12 +193,9 @@ class LockWatch:
         self._drift = np.maximum(params.drift_rad_s, self._wander * SETTLED_S)
 
     def add(
-        self,
-        error: PointingError,
-        beam_cross_elevation_rad: float,
-        beam_elevation_rad: float,
+        self, error: PointingError, beam_cross_elevation_rad: float, beam_elevation_rad: float,
         expected_carrier_to_noise_db_hz: float | None = None,
-    ) -> str:
+    ) -> str:  # fmt: skip
         """Add an error and the beam's offset from the prediction then; return why it is false."""
         if not error.valid:
             return ""

@@ -161,15 +161,11 @@ class MonopulseTracker:
         covariance = 0.5 * (inverse @ noise @ np.conj(inverse.T)).real
         reason = self._doubt(cluster.carrier_to_noise_db_hz, error, ratio, linear, noise.diagonal().real)
         return PointingError(
-            t_s=float(np.mean(cluster.t_s)),
-            sensor=Sensor.MONOPULSE,
-            cross_elevation_rad=float(error[0]),
-            elevation_rad=float(error[1]),
-            covariance_rad2=covariance,
-            carrier_to_noise_db_hz=cluster.carrier_to_noise_db_hz,
-            valid=not reason,
-            reason=reason,
-        )
+            t_s=float(np.mean(cluster.t_s)), sensor=Sensor.MONOPULSE,
+            cross_elevation_rad=float(error[0]), elevation_rad=float(error[1]),
+            covariance_rad2=covariance, carrier_to_noise_db_hz=cluster.carrier_to_noise_db_hz,
+            valid=not reason, reason=reason,
+        )  # fmt: skip
 
     def _straighten(self, linear: Array) -> tuple[Array, Array]:
         """Return the error and d(error)/d(linear); past the curve's range it stays linear."""
@@ -207,15 +203,12 @@ class MonopulseTracker:
         low, high = LEVEL_RANGE_DB_HZ
         level_db_hz = cluster.carrier_to_noise_db_hz
         return PointingError(
-            t_s=float(known[-1]) if len(known) else 0.0,
-            sensor=Sensor.MONOPULSE,
-            cross_elevation_rad=0.0,
-            elevation_rad=0.0,
+            t_s=float(known[-1]) if len(known) else 0.0, sensor=Sensor.MONOPULSE,
+            cross_elevation_rad=0.0, elevation_rad=0.0,
             covariance_rad2=np.eye(2) * self.params.half_power_beamwidth_rad**2,
-            carrier_to_noise_db_hz=level_db_hz if low <= level_db_hz <= high else 0.0,
-            valid=False,
+            carrier_to_noise_db_hz=level_db_hz if low <= level_db_hz <= high else 0.0, valid=False,
             reason=reason,
-        )
+        )  # fmt: skip
 
 
 def sample_period_s(t_s: Array) -> float:

@@ -86,11 +86,9 @@ class ScanParams(Params):
         rate = 2.0 * math.pi / self.period_s
         cosine, sine = math.cos(rate * t_since_start_s), math.sin(rate * t_since_start_s)
         return Offset(
-            radius * cosine,
-            radius * sine,
-            radius_rate * cosine - radius * rate * sine,
+            radius * cosine, radius * sine, radius_rate * cosine - radius * rate * sine,
             radius_rate * sine + radius * rate * cosine,
-        )
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -109,11 +109,9 @@ class SpiralSearch:
         tangent = math.hypot(1.0, phi)
         cosine, sine = math.cos(phi), math.sin(phi)
         return (
-            self._b * phi * cosine,
-            self._b * phi * sine,
-            speed * (cosine - phi * sine) / tangent,
+            self._b * phi * cosine, self._b * phi * sine, speed * (cosine - phi * sine) / tangent,
             speed * (sine + phi * cosine) / tangent,
-        )
+        )  # fmt: skip
 
     def _phi_at(self, length: float, start: float) -> float:
         phi = start
@@ -138,12 +136,9 @@ class Legs:
     """
 
     def __init__(
-        self,
-        corners: Sequence[Pair],
-        rates_rad_s: Sequence[float],
-        acceleration_rad_s2: float,
+        self, corners: Sequence[Pair], rates_rad_s: Sequence[float], acceleration_rad_s2: float,
         rests_s: Sequence[float] | None = None,
-    ) -> None:
+    ) -> None:  # fmt: skip
         self._rates, self._acceleration = rates_rad_s, acceleration_rad_s2
         self._legs = list(pairwise(corners))
         ways = [self._leg_time_s(leg) for leg in range(len(self._legs))]
@@ -191,13 +186,9 @@ class StripSearch:
     """Covers +-`half_length_rad` along the track and +-`half_width_rad` across it in strips."""
 
     def __init__(
-        self,
-        half_length_rad: float,
-        half_width_rad: float,
-        pitch_rad: float,
-        rate_rad_s: float,
+        self, half_length_rad: float, half_width_rad: float, pitch_rad: float, rate_rad_s: float,
         acceleration_rad_s2: float,
-    ) -> None:
+    ) -> None:  # fmt: skip
         corners = _corners(half_length_rad, math.ceil(max(half_width_rad / pitch_rad - 0.5, 0.0)), pitch_rad)
         self._legs = Legs(corners, [rate_rad_s] * (len(corners) - 1), acceleration_rad_s2)
 

@@ -169,15 +169,12 @@ class StepTracker:
             if beamwidths > limit:
                 reason = f"error of {beamwidths:.2f} beamwidths is outside {limit:.2f} beamwidths"
         return PointingError(
-            t_s=float(np.mean(window.t_s)),
-            sensor=Sensor.STEPTRACK,
-            cross_elevation_rad=float(error[0]),
-            elevation_rad=float(error[1]),
+            t_s=float(np.mean(window.t_s)), sensor=Sensor.STEPTRACK,
+            cross_elevation_rad=float(error[0]), elevation_rad=float(error[1]),
             covariance_rad2=np.asarray(covariance),
-            carrier_to_noise_db_hz=float(np.mean(window.carrier_to_noise_db_hz)),
-            valid=not reason,
+            carrier_to_noise_db_hz=float(np.mean(window.carrier_to_noise_db_hz)), valid=not reason,
             reason=reason,
-        )
+        )  # fmt: skip
 
 
 def _middle_s(power: CarrierPower) -> float:

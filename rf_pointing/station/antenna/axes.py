@@ -144,14 +144,9 @@ class AntennaAxes:
     """
 
     def __init__(
-        self,
-        hardware: Hardware,
-        loops: LoopParams,
-        plant: PlantParams,
-        safety: AntennaSafety,
-        tick_s: float,
-        start: Pair,
-    ) -> None:
+        self, hardware: Hardware, loops: LoopParams, plant: PlantParams, safety: AntennaSafety,
+        tick_s: float, start: Pair,
+    ) -> None:  # fmt: skip
         self._safety = safety
         self.hardware = hardware
         self.path = SlewPath(loops, start, hardware.settled_rad)

@@ -81,14 +81,9 @@ class ControlUnit:
     """
 
     def __init__(
-        self,
-        hardware: Hardware,
-        loops: LoopParams,
-        plant: PlantParams,
-        safety: SafetyParams,
-        tick_s: float,
-        start_rad: Pair,
-    ) -> None:
+        self, hardware: Hardware, loops: LoopParams, plant: PlantParams, safety: SafetyParams,
+        tick_s: float, start_rad: Pair,
+    ) -> None:  # fmt: skip
         self.safety = AntennaSafety(safety, loops.preprocessor, tick_s)
         self.axes = AntennaAxes(hardware, loops, plant, self.safety, tick_s, start_rad)
         self.modes = AntennaModes()
@@ -478,11 +473,9 @@ class ControlUnit:
             away[self._held_axis] = 0.0
         away_rad = float(np.max(away))
         return MotionSnapshot(
-            fault=self.safety.latch.text,
-            high_wind=self.safety.wind.reason,
-            moving=self.axes.moving,
-            arrived=away_rad < self.axes.hardware.settled_rad,
-        )
+            fault=self.safety.latch.text, high_wind=self.safety.wind.reason,
+            moving=self.axes.moving, arrived=away_rad < self.axes.hardware.settled_rad,
+        )  # fmt: skip
 
     def _watch_wind(self, t_s: float) -> None:
         self._ticks += 1

@@ -98,12 +98,9 @@ class DriveHardware:
                 )
             elif self.takes_positions:
                 self._encoder_rad, self._reason = self._watch.step(
-                    rotator.reading.t_s,
-                    rotator.position_rad,
-                    rotator.set_point_rad,
-                    rotator.latency_s,
-                    rotator.reading.within_s,
-                )
+                    rotator.reading.t_s, rotator.position_rad, rotator.set_point_rad,
+                    rotator.latency_s, rotator.reading.within_s,
+                )  # fmt: skip
                 if self._encoder_rad != rotator.position_rad:
                     rotator.correct(self._encoder_rad)
             else:
@@ -223,13 +220,10 @@ class DriveAntenna(ControlUnit):
             raise ValueError(self.hardware.fault)
         self._require_able(params.loops)
         super().__init__(
-            self.hardware,
-            self._suited_loops(params.loops),
-            params.plant,
+            self.hardware, self._suited_loops(params.loops), params.plant,
             suited_safety(params.safety, drive.capabilities, params.antenna.tick_s),
-            params.antenna.tick_s,
-            self.hardware.encoders(),
-        )
+            params.antenna.tick_s, self.hardware.encoders(),
+        )  # fmt: skip
 
     def status(self, t_s: float) -> AntennaStatus:
         """Return the status at `t_s`, with what the device was sent."""

@@ -92,11 +92,9 @@ class AntennaSafety:
             raise ValueError(f"elevation_min_rad={lowest:.6g} must be >= {LOWEST_RAD}")
         # One travel for gate and preprocessor, from one set of parameters.
         limits = AxisLimits(
-            azimuth_min_rad=motion.travel_min_rad[0],
-            azimuth_max_rad=motion.travel_max_rad[0],
-            elevation_min_rad=motion.travel_min_rad[1],
-            elevation_max_rad=motion.travel_max_rad[1],
-        )
+            azimuth_min_rad=motion.travel_min_rad[0], azimuth_max_rad=motion.travel_max_rad[0],
+            elevation_min_rad=motion.travel_min_rad[1], elevation_max_rad=motion.travel_max_rad[1],
+        )  # fmt: skip
         axes = AxisRates(motion.rate_limit_rad_s, motion.acceleration_limit_rad_s2)
         return Gate(self.params.gate, limits, self.params.mask, axes, self.params.kinematics)
 

@@ -432,15 +432,10 @@ class OfflineFit:
         return replace(result, covariance=result.covariance * np.outer(chosen.widening, chosen.widening)), chosen.kept
 
     def _fit_of(
-        self,
-        points: Observations,
-        names: tuple[str, ...],
-        orbit: PassPriors | None,
-        start: FitResult | None = None,
-        shared: SharedErrors | None = None,
-        *,
+        self, points: Observations, names: tuple[str, ...], orbit: PassPriors | None,
+        start: FitResult | None = None, shared: SharedErrors | None = None, *,
         edit_sigma: float = 3.0,
-    ) -> FitResult:
+    ) -> FitResult:  # fmt: skip
         """Return the fit of `names`.
 
         A term that was offered and not chosen is zero; one not offered keeps its known value.

@@ -45,15 +45,10 @@ def holds_offsets(path: Path) -> bool:
 
 
 def read_offsets(
-    path: Path,
-    station: str,
-    band: str,
-    site: Site,
-    beamwidth_rad: float,
-    elements: Sequence[Elements],
-    max_age_s: float,
+    path: Path, station: str, band: str, site: Site, beamwidth_rad: float,
+    elements: Sequence[Elements], max_age_s: float,
     refraction: RadioRefraction | Literal["standard"] | None = "standard",
-) -> Observations:
+) -> Observations:  # fmt: skip
     """Return the rows as calibration points, each a pass of its own; ValueError names the line."""
     lines = read_whole(path, DATA_BYTES, "utf-8-sig").splitlines()
     header = _header(path)

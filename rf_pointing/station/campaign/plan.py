@@ -45,13 +45,9 @@ class ArcRules(Params):
 
 
 def candidate_arcs(
-    elements: Sequence[Elements],
-    site: Site,
-    start_t_s: float,
-    duration_s: float,
-    rules: ArcRules,
+    elements: Sequence[Elements], site: Site, start_t_s: float, duration_s: float, rules: ArcRules,
     mount: Kinematics = LEVEL,
-) -> tuple[list[CandidatePass], list[str]]:
+) -> tuple[list[CandidatePass], list[str]]:  # fmt: skip
     """Return every candidate, named after its satellite, and the reasons of what is left out."""
     found: list[CandidatePass] = []
     left_out: list[str] = []
@@ -107,20 +103,14 @@ def beacons(epoch_t_s: float) -> list[Elements]:
     ]
     return [
         Elements(
-            name=f"BEACON {number:03d}",
-            catalogue_number=90000 + number,
-            epoch_t_s=epoch_t_s,
-            inclination_rad=math.radians(50.0),
-            ascending_node_rad=node,
-            eccentricity=0.001,
-            argument_of_perigee_rad=0.0,
-            mean_anomaly_rad=anomaly,
+            name=f"BEACON {number:03d}", catalogue_number=90000 + number, epoch_t_s=epoch_t_s,
+            inclination_rad=math.radians(50.0), ascending_node_rad=node, eccentricity=0.001,
+            argument_of_perigee_rad=0.0, mean_anomaly_rad=anomaly,
             mean_motion_rad_s=math.sqrt(EARTH_MU_M3_S2 / (EARTH_RADIUS_M + height_m) ** 3),
-            drag_per_earth_radius=0.0,
-            international_designator="06001A",
+            drag_per_earth_radius=0.0, international_designator="06001A",
         )
         for number, (height_m, node, anomaly) in enumerate(orbits, start=1)
-    ]
+    ]  # fmt: skip
 
 
 def _visible(track: TopocentricTrack, start_t_s: float, duration_s: float, rules: ArcRules) -> list[Pair]:

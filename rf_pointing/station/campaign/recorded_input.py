@@ -59,13 +59,10 @@ def read_raw(path: Path, band: str, mount: Kinematics = LEVEL) -> list[RawTracki
 
 
 def reference_of(
-    raw: RawTracking,
-    elements: Sequence[Elements],
-    site: Site,
-    max_age_s: float,
+    raw: RawTracking, elements: Sequence[Elements], site: Site, max_age_s: float,
     refraction: RadioRefraction | Literal["standard"] | None = "standard",
     mount: Kinematics = LEVEL,
-) -> ReferenceTrack:
+) -> ReferenceTrack:  # fmt: skip
     """Return the apparent motion of the target of `raw` by its elements, over its samples.
 
     `refraction` None is right for angles from which it has been taken off.

@@ -83,12 +83,9 @@ class CalibrationSchedule:
 
 
 def schedule_calibration(
-    station: StationDescription,
-    elements: list[Elements],
-    start_s: float,
-    params: CampaignParams,
+    station: StationDescription, elements: list[Elements], start_s: float, params: CampaignParams,
     kept: Observations | None = None,
-) -> CalibrationSchedule:
+) -> CalibrationSchedule:  # fmt: skip
     """Return the passes to track from `start_s` on, and after the last of the `kept` observations.
 
     Raises ValueError when there are too few of them.
@@ -111,14 +108,9 @@ def schedule_calibration(
 
 
 def _planned(
-    station: StationDescription,
-    elements: list[Elements],
-    begin_s: float,
-    span_s: float,
-    arcs_s: tuple[float, ...],
-    rule: SectorRule,
-    filled: IntArray | None = None,
-) -> Campaign:
+    station: StationDescription, elements: list[Elements], begin_s: float, span_s: float,
+    arcs_s: tuple[float, ...], rule: SectorRule, filled: IntArray | None = None,
+) -> Campaign:  # fmt: skip
     """Return the campaign of pieces within `span_s` that fills what `filled` leaves thin."""
     rules = ArcRules(
         arcs_s=arcs_s, every_s=60.0, spacing_s=SPACING_S, lowest_rad=math.radians(11.0), lead_s=ACQUISITION_S

@@ -178,11 +178,9 @@ def away_m(place: Site, other: Site) -> tuple[float, float, float]:
 
 
 def cause_of(
-    passes: Sequence[TrackedPass],
-    elements: Sequence[Elements],
-    site: Site,
+    passes: Sequence[TrackedPass], elements: Sequence[Elements], site: Site,
     refraction: RadioRefraction | Literal["standard"] | None,
-) -> str:
+) -> str:  # fmt: skip
     """Return the cause by which the samples are where they are, "" where none of those known does.
 
     Passes of targets that `elements` do not have judge nothing.

@@ -457,15 +457,12 @@ class PassGoals:
         core, state = self.controller, self.controller.state
         learned = core.corrections.filter.state
         values: dict[str, object] = {
-            "mode": state.mode,
-            "reason": state.reason,
-            "false_locks": core.carrier.faults,
+            "mode": state.mode, "reason": state.reason, "false_locks": core.carrier.faults,
             "last_false_lock": core.carrier.last_fault,
             "along_track_s": round(float(learned.mean[0]), 5),
-            "cross_track_m": round(float(learned.mean[1]), 2),
-            "trim_used": learned.used,
+            "cross_track_m": round(float(learned.mean[1]), 2), "trim_used": learned.used,
             "trim_refused": learned.refused,
-        }
+        }  # fmt: skip
         level, alarm = self._alarm
         causes = (
             (Level(level), alarm), (Level.WARN, self._no_temperature), (Level.ERROR, self._refusal),

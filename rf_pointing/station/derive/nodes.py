@@ -56,17 +56,11 @@ def antenna_servo(of: Band) -> Derived:
         "wind": wind | {"dish_diameter_m": Value(of.wind_diameter_m, "dish.diameter_m", "1 m without a dish")},
         "mount": axes.mount_errors(of),
         "safety": {
-            **axes.rest(of),
-            "watch": watches.encoder_watch(of),
-            "drive": watches.drive_watch(of),
-            "wind": axes.wind_limits(of),
-            "gate": axes.gate(of),
-            "mask": axes.mask(of),
-            "kinematics": axes.kinematics(of),
-            "sun": axes.sun(of),
-            "at_rest": axes.sun_at_rest(of),
+            **axes.rest(of), "watch": watches.encoder_watch(of), "drive": watches.drive_watch(of),
+            "wind": axes.wind_limits(of), "gate": axes.gate(of), "mask": axes.mask(of),
+            "kinematics": axes.kinematics(of), "sun": axes.sun(of), "at_rest": axes.sun_at_rest(of),
         },
-    }
+    }  # fmt: skip
     trial = ("antenna.", "mount.", "wind.mean_speed_m_s", "wind.from_azimuth_deg")
     return Derived(AntennaParams().sets(), rows, trial, {"": ServoNodeParams(), **KEY})
 
@@ -308,14 +302,10 @@ def reference(node: str) -> Derived:
     """
     axis = AxisSection(travel_deg=(0.0, 90.0), rate_deg_s=1.0)
     content = Content(
-        version=VERSION,
-        name="",
-        site=SiteSection(latitude_deg=0.0, longitude_deg=0.0),
-        mount=MountSection(azimuth=axis, elevation=axis),
-        dish=DishSection(diameter_m=5.0),
-        array=ArraySection(),
-        bands={"X": BandSection(frequency_mhz=8450.0)},
-    )
+        version=VERSION, name="", site=SiteSection(latitude_deg=0.0, longitude_deg=0.0),
+        mount=MountSection(azimuth=axis, elevation=axis), dish=DishSection(diameter_m=5.0),
+        array=ArraySection(), bands={"X": BandSection(frequency_mhz=8450.0)},
+    )  # fmt: skip
     return NODES[node](Band(content, "X"))
 
 

@@ -188,12 +188,9 @@ def _stiff(lag_s: float, axis: AxisParams) -> PositionLoopParams:
     """
     gain = min(0.2 / lag_s, 0.05 * axis.rate_limit_rad_s * 2**axis.encoder_bits / (2.0 * math.pi))
     return PositionLoopParams(
-        proportional_gain=gain,
-        integral_gain=0.25 * gain**2,
-        feedforward_lead_s=lag_s + FEEDFORWARD_LAG_S,
-        notch_enabled=False,
-        drive_lag_s=lag_s,
-    )
+        proportional_gain=gain, integral_gain=0.25 * gain**2,
+        feedforward_lead_s=lag_s + FEEDFORWARD_LAG_S, notch_enabled=False, drive_lag_s=lag_s,
+    )  # fmt: skip
 
 
 def _first(loop: PositionLoopParams, lag_s: float, axis: AxisParams) -> PositionLoopParams:

@@ -42,11 +42,9 @@ FLIES_OTHER_MOUNTS = frozenset({
 """Commands and nodes that fly any mount whose tilt is set; any other refuses other mounts."""
 # Parameters of before, and the key that took their place.
 _FORMER = {
-    ("ephemeris_publisher", "source.station"): "site",
-    ("rf_receiver", "source.station"): "site",
-    ("pointing_controller", "sun.station"): "site",
-    ("antenna_servo", "safety.sun.station"): "site",
-}
+    ("ephemeris_publisher", "source.station"): "site", ("rf_receiver", "source.station"): "site",
+    ("pointing_controller", "sun.station"): "site", ("antenna_servo", "safety.sun.station"): "site",
+}  # fmt: skip
 
 
 class StationDescription:

@@ -70,13 +70,9 @@ class PlannedPass:
 
 
 def planned_certificate(
-    track: TopocentricTrack,
-    window: "Pass | CataloguePass",
-    free_t_s: float,
-    encoder_rad: Pair,
-    rules: PlanningRules,
-    sun_table: "SolarTable | None" = None,
-) -> tuple[Certificate, PassProfile]:
+    track: TopocentricTrack, window: "Pass | CataloguePass", free_t_s: float, encoder_rad: Pair,
+    rules: PlanningRules, sun_table: "SolarTable | None" = None,
+) -> tuple[Certificate, PassProfile]:  # fmt: skip
     """Return the certificate of a pass for an antenna at `encoder_rad` from `free_t_s` on.
 
     A tilt axis leans to the side on which less of the pass is lost.  The profile is on the sky.
@@ -150,15 +146,9 @@ class SolarTable:
 
 
 def certificate_of(
-    profile: PassProfile,
-    rules: PlanningRules,
-    issued_t_s: float,
-    encoder_rad: Pair,
-    *,
-    plunge_allowed: bool = True,
-    slew: Slew | None = None,
-    cost: SensorCost | None = None,
-) -> Certificate:
+    profile: PassProfile, rules: PlanningRules, issued_t_s: float, encoder_rad: Pair, *,
+    plunge_allowed: bool = True, slew: Slew | None = None, cost: SensorCost | None = None,
+) -> Certificate:  # fmt: skip
     """Return the certificate of a pass for a Gaussian beam (CONSCAN eq. 1).
 
     The profile, as the encoders, is in the angles of the axes of `rules.mount`.

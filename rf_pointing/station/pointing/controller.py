@@ -447,13 +447,11 @@ class PointingController:
         newest_t_s = t_s - LEAST_AGE_PERIODS * timing.period_s
         oldest_t_s = newest_t_s - LEVEL_PERIODS * timing.period_s
         evidence = BeamEvidence(
-            sensor=self._mode.sensor,
-            axes=self.antenna.state,
-            sensed=sensed,
+            sensor=self._mode.sensor, axes=self.antenna.state, sensed=sensed,
             off_centre_rad=self._motion.off_centre_rad() if scanned else None,
             power=self._levels.power(newest_t_s, oldest_t_s, self._mode.axis_db_hz),
             planned_rad=0.0 if course.direct else course.planned_error_rad(t_s),
-        )
+        )  # fmt: skip
         waiting = mode == Mode.IDLE
         self.statistics.note(sensed)
         # A pass that was joined is counted from then on.

@@ -267,18 +267,12 @@ class TrackingMode:
             self.axis_db_hz += self.params.array_gain_db
         request = Request.CALIBRATE if self._calibrating else Request.TRACK
         inputs = AutotrackInputs(
-            t_s=t_s,
-            request=Request.IDLE if ended else request,
-            target_available=motion.target_available,
-            on_target=motion.on_target,
+            t_s=t_s, request=Request.IDLE if ended else request,
+            target_available=motion.target_available, on_target=motion.on_target,
             carrier_to_noise_db_hz=error.carrier_to_noise_db_hz if error else -math.inf,
-            axis_db_hz=self.axis_db_hz,
-            valid=valid,
-            arriving=arriving,
-            heard=bool(errors),
-            fault=fault,
-            sidelobe=fault.startswith(SIDELOBE),
-        )
+            axis_db_hz=self.axis_db_hz, valid=valid, arriving=arriving, heard=bool(errors),
+            fault=fault, sidelobe=fault.startswith(SIDELOBE),
+        )  # fmt: skip
         self.state = self._table.step(before, inputs)
         if self.state.mode != before.mode:
             # Errors of another mode say nothing about this lock.

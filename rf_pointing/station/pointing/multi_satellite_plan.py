@@ -122,14 +122,9 @@ class PlannedAntenna:
 
 
 def plan_day(
-    wishes: Sequence[Wish],
-    antenna: PlannedAntenna,
-    start_t_s: float,
-    duration_s: float,
-    *,
-    gap_s: float = 0.0,
-    max_age_s: float = 14.0 * DAY_S,
-) -> DayPlan:
+    wishes: Sequence[Wish], antenna: PlannedAntenna, start_t_s: float, duration_s: float, *,
+    gap_s: float = 0.0, max_age_s: float = 14.0 * DAY_S,
+) -> DayPlan:  # fmt: skip
     """Return the plan of one antenna that rests at the start.
 
     An object that stays up for longer than `LONG_S`, or all the time, and yields gets the time
@@ -156,15 +151,9 @@ class AntennaDay:
     """
 
     def __init__(
-        self,
-        wishes: Sequence[Wish],
-        antenna: PlannedAntenna,
-        start_t_s: float,
-        duration_s: float,
-        *,
-        gap_s: float,
-        max_age_s: float,
-    ) -> None:
+        self, wishes: Sequence[Wish], antenna: PlannedAntenna, start_t_s: float, duration_s: float,
+        *, gap_s: float, max_age_s: float,
+    ) -> None:  # fmt: skip
         self.antenna, self.gap_s = antenna, gap_s
         self._span = start_t_s, duration_s
         self.wish_of = {id(wish.target): wish for wish in wishes}

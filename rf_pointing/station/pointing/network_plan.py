@@ -64,16 +64,10 @@ class _Part:
 
 
 def plan_days(
-    wishes: Sequence[Wish],
-    antennas: Sequence[PlannedAntenna],
-    start_t_s: float,
-    duration_s: float,
-    *,
-    names: Sequence[str],
-    clear: Sequence[float],
-    gap_s: float = 0.0,
+    wishes: Sequence[Wish], antennas: Sequence[PlannedAntenna], start_t_s: float, duration_s: float,
+    *, names: Sequence[str], clear: Sequence[float], gap_s: float = 0.0,
     max_age_s: float = 14.0 * DAY_S,
-) -> NetworkDay:
+) -> NetworkDay:  # fmt: skip
     """Return the plan of antennas that rest at the start.
 
     Parameters

@@ -86,10 +86,7 @@ class ControllerParams(PowerTrackerParams):
 
 
 LIVE: dict[str, bool | tuple[str, ...]] = {
-    "axes": True,
-    "alarm": True,
-    "limits": True,
-    "autotrack": True,
+    "axes": True, "alarm": True, "limits": True, "autotrack": True,
     "pointing": ("on_target_deg", "error_age_s", "stop_deceleration_deg_s2", "lag_averaging_s"),
-}
+}  # fmt: skip
 """Parameters that may change while the controller works, by edge names; timing may not."""

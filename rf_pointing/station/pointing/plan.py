@@ -100,15 +100,9 @@ class PassPlan:
     """Profiles of the coming passes, and the branch of the one that is tracked."""
 
     def __init__(
-        self,
-        machine: MachineParams,
-        mask: HorizonMask,
-        gate: GateParams,
-        limits: AxisLimits,
-        sun: SolarDirection,
-        on_target_rad: float,
-        mount: Kinematics = LEVEL,
-    ) -> None:
+        self, machine: MachineParams, mask: HorizonMask, gate: GateParams, limits: AxisLimits,
+        sun: SolarDirection, on_target_rad: float, mount: Kinematics = LEVEL,
+    ) -> None:  # fmt: skip
         self.machine, self.mask, self._gate_params, self.sun, self.mount = machine, mask, gate, sun, mount
         self.profiles: list[PassProfile] = []
         self.certificate: Certificate | None = None
@@ -154,16 +148,10 @@ class PassPlan:
         self._judged: PassProfile | None = None
 
     def choose(
-        self,
-        t_s: float,
-        window: Pass,
-        joints: JointReading,
-        model: BiasModel,
-        lag_averaging_s: float = 0.0,
-        cost: Callable[[PassProfile], SensorCost] | None = None,
-        *,
+        self, t_s: float, window: Pass, joints: JointReading, model: BiasModel,
+        lag_averaging_s: float = 0.0, cost: Callable[[PassProfile], SensorCost] | None = None, *,
         direct: bool = False,
-    ) -> None:
+    ) -> None:  # fmt: skip
         """Issue the certificate of a pass and take its branch; `direct`: not over the top.
 
         Raises

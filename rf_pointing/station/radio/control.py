@@ -39,13 +39,9 @@ class RadioControl:
     """
 
     def __init__(
-        self,
-        radio: RadioSection,
-        rules: TransmitRules,
-        view: RadioView,
-        say: Callable[[str], object] = str,
-        make_rig: Callable[..., Rig] = Rig,
-    ) -> None:
+        self, radio: RadioSection, rules: TransmitRules, view: RadioView,
+        say: Callable[[str], object] = str, make_rig: Callable[..., Rig] = Rig,
+    ) -> None:  # fmt: skip
         self._radio, self._rules, self.view, self._say = radio, rules, view, say
         known = radio.transponders.items()
         self._channels = {name.casefold(): Channel.of(each) for name, each in known}

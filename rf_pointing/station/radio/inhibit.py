@@ -62,12 +62,9 @@ class TransmitRules:
     """The reasons of one station."""
 
     def __init__(
-        self,
-        params: InhibitParams,
-        radio: RadioSection,
-        sky: ForbiddenSky,
+        self, params: InhibitParams, radio: RadioSection, sky: ForbiddenSky,
         mount: Kinematics = LEVEL,
-    ) -> None:
+    ) -> None:  # fmt: skip
         self._params, self._radio, self._sky, self._mount = params, radio, sky, mount
 
     def reason(self, antenna: Antenna, target: str, sun_rad: Pair | None, wall_s: float) -> str:
