@@ -127,22 +127,9 @@ VALUES = (
     math.nan, 10**400, 10**30, "1e400", "2026-01-01T00:00:00Z", "0001-01-01T00:00:00+14:00",
 )  # fmt: skip
 SIGNS = (
-    "\r",
-    ",",
-    '"',
-    "\n",
-    ":",
-    "[",
-    "{",
-    "&a ",
-    "*a",
-    "- ",
-    "!!int ",
-    "\0",
-    "\u2028",
-    "BEGIN:VEVENT\r\n",
-    ";TZID=X:",
-)
+    "\r", ",", '"', "\n", ":", "[", "{", "&a ", "*a", "- ", "!!int ", "\0", "\u2028",
+    "BEGIN:VEVENT\r\n", ";TZID=X:",
+)  # fmt: skip
 
 
 def _changed(value: Any, random: Random, chance: float) -> Any:

@@ -23,11 +23,9 @@ from rf_pointing.station.description.urdf import urdf
 
 FOLDER = Path(__file__).parents[2] / "launch"
 MORE = {
-    "executive": "station_executive",
-    "page": "operator_page",
-    "radio": "radio_control",
+    "executive": "station_executive", "page": "operator_page", "radio": "radio_control",
     "rotctld": "rotctld_server",
-}
+}  # fmt: skip
 STATION = {"station": "dss13"}
 WITH_RADIO = tempfile.NamedTemporaryFile("w", suffix=".yaml")  # noqa: SIM115
 RADIO = {"radio.transponders.any.downlink_mhz": 437.5}

@@ -24,13 +24,9 @@ START_S = 1151347200.0
 PLACE = site("Goldstone DSS-13")
 LEAST_RAD = math.radians(5.0)
 RULES = PlanningRules(
-    model=BiasModel.zero(),
-    machine=planning.MachineParams(),
-    limits=planning.AxisLimits(),
-    mask=HorizonMask(),
-    gate=planning.GateParams(),
-    lag_averaging_s=0.0,
-)
+    model=BiasModel.zero(), machine=planning.MachineParams(), limits=planning.AxisLimits(),
+    mask=HorizonMask(), gate=planning.GateParams(), lag_averaging_s=0.0,
+)  # fmt: skip
 HILL = HorizonMask(
     azimuth_rad=tuple(np.radians([0.0, 150.0, 180.0, 210.0])), elevation_rad=tuple(np.radians([3.0, 3.0, 22.0, 3.0]))
 )

@@ -34,14 +34,9 @@ def prior(along_s: float, cross_m: float = 300.0) -> TrimParams:
 def cost(profile: PassProfile, along_s: float, sensor: str = ""):  # type: ignore[no-untyped-def]
     latitude_rad, begin_s = 0.615, float(profile.t_s[0])
     return uncertain_cost(
-        SENSORS.get(sensor),
-        SCANS,
-        prior(along_s),
-        AutotrackParams(sensor=sensor or "none"),
-        profile,
-        latitude_rad,
-        begin_s,
-    )
+        SENSORS.get(sensor), SCANS, prior(along_s), AutotrackParams(sensor=sensor or "none"),
+        profile, latitude_rad, begin_s,
+    )  # fmt: skip
 
 
 def test_a_profile_says_how_uncertain_its_target_is(
