@@ -168,7 +168,7 @@ def _tai_s(t_s: Array) -> Array:
     return np.asarray(t_s + leap_seconds().tai_minus_utc_s(t_s))
 
 
-def _read(files: DataFiles, elements: Elements, station: Station) -> list[TrackedPass]:
+def _read(files: DataFiles, elements: Elements, station: Station) -> Sequence[TrackedPass]:
     """Return the passes of one file, which are of the satellite."""
     (path,), passes = files.paths, files.read(station).passes
     if not passes:
@@ -253,9 +253,9 @@ def orbit_from_passes(
     points, notes = [], []
     for one, station in tracked:
         air = None if refraction_removed else RadioRefraction.standard(station.site.altitude_m)
-        data, left_out = points_of(one, station.site, station.model, air)
-        points.append(data)
-        notes += [f"{data.station}: {left_out}"] if left_out else []
+        measured, left_out = points_of(one, station.site, station.model, air)
+        points.append(measured)
+        notes += [f"{measured.station}: {left_out}"] if left_out else []
     if len(points) == 1:
         notes.append("one pass: 2 or more tell the period")
     # The first pass can be flown again: an antenna slews before it.
