@@ -36,24 +36,18 @@ def _elements(path: Path) -> Any:
 
 
 READERS: dict[str, Callable[[Path], Any]] = {
-    "tracking.csv": read_tracking,
-    "points.csv": read_observations,
-    "pass.tdm": read_tdm,
-    "model.yaml": read_model,
-    "model.json": read_model,
-    "station.yaml": lambda path: read_parameter_files([path]),
-    "designs.json": load_lqg_designs,
-    "feed.yaml": read_calibration,
-    "elements": _elements,
+    "tracking.csv": read_tracking, "points.csv": read_observations, "pass.tdm": read_tdm,
+    "model.yaml": read_model, "model.json": read_model,
+    "station.yaml": lambda path: read_parameter_files([path]), "designs.json": load_lqg_designs,
+    "feed.yaml": read_calibration, "elements": _elements,
     "horizon.txt": lambda path: station_from(
         path.with_name("s.yaml"), DISH.replace("horizon_deg:", "horizon_file: horizon.txt #")
     ),
-    "dish.yaml": read_station,
-    "satellites": lambda path: satellites("", [str(path)]),
+    "dish.yaml": read_station, "satellites": lambda path: satellites("", [str(path)]),
     "directives.yaml": lambda path: read_tables(AlarmParams(), directives=str(path)),
     "procedure.yaml": lambda path: read_tables(AlarmParams(), procedure=str(path)),
     "recovery.yaml": lambda path: read_tables(AlarmParams(), recovery=str(path)),
-}
+}  # fmt: skip
 CONTENTS = {
     "empty": b"",
     "deep": b"[" * 200_000,

@@ -408,11 +408,9 @@ def _parameters(request: RunRequest, output: Path) -> dict[str, dict[str, Any]]:
         "antenna.seed": seed, "command_key_file": str((output / "command.key").resolve())
     }  # fmt: skip
     own: dict[str, dict[str, Any]] = {
-        "ephemeris_publisher": source,
-        "rf_receiver": {**source, **truth, "signal.seed": seed},
+        "ephemeris_publisher": source, "rf_receiver": {**source, **truth, "signal.seed": seed},
         "signal_source": {**source, **truth, "signal.seed": seed},
-        "array_receiver": {"receiver.seed": seed},
-        "antenna_servo": kept,
+        "array_receiver": {"receiver.seed": seed}, "antenna_servo": kept,
         "pointing_controller": {
             "certificate_folder": str(output.resolve()),
             "command_key_file": kept["command_key_file"],
@@ -421,7 +419,7 @@ def _parameters(request: RunRequest, output: Path) -> dict[str, dict[str, Any]]:
             "calibrator.folder": str(Path(request.models).resolve()) if request.models else "",
             "calibrator.keep_observations": request.keep_observations,
         },
-    }
+    }  # fmt: skip
     common = {"station": str((output / "station.yaml").resolve()), "band": request.station.band}
     if isinstance(request, DesignateRequest):
         led = {name: getattr(request.params, name) for name in ("source", "target", "kind", "fused")}

@@ -212,42 +212,23 @@ def _result(problem: FitProblem, last: Round, options: FitOptions) -> FitResult:
         else (np.zeros(0, dtype=np.int64), None)
     )
     return FitResult(
-        names=problem.names,
-        values=solution.values,
-        covariance=covariance,
-        held=problem.held,
-        form=options.form,
-        station=data.station,
-        mount=data.mount,
-        band=data.band,
-        condition=solution.condition,
-        residual_azimuth_rad=last.residuals[0],
-        residual_elevation_rad=last.residuals[1],
-        pass_azimuth_rad=last.pass_offsets[0],
-        pass_elevation_rad=last.pass_offsets[1],
-        cos_elevation=np.cos(data.true_elevation_rad),
+        names=problem.names, values=solution.values, covariance=covariance, held=problem.held,
+        form=options.form, station=data.station, mount=data.mount, band=data.band,
+        condition=solution.condition, residual_azimuth_rad=last.residuals[0],
+        residual_elevation_rad=last.residuals[1], pass_azimuth_rad=last.pass_offsets[0],
+        pass_elevation_rad=last.pass_offsets[1], cos_elevation=np.cos(data.true_elevation_rad),
         used=used,
         rejected=tuple(
             Rejected(int(row), int(data.pass_id[row]), f"residual of {size[row]:.1f} sigma")
             for row in np.flatnonzero(~used)
         ),
-        variance_azimuth=variance[0],
-        variance_elevation=variance[1],
-        first_t_s=float(np.min(data.t_s)),
-        last_t_s=float(np.max(data.t_s)),
-        passes=len(np.unique(data.pass_id[used])),
-        pass_errors=problem.pass_errors(last),
-        pass_priors=problem.pass_priors,
-        noise=noise,
-        pass_rows=rows,
-        pass_places=places,
-        shared=problem.shared,
-        sharing=problem.sharing,
-        nuisances=problem.nuisances,
-        nuisance_values=common,
-        nuisance_covariance=spread,
-        priors=problem.priors,
-    )
+        variance_azimuth=variance[0], variance_elevation=variance[1],
+        first_t_s=float(np.min(data.t_s)), last_t_s=float(np.max(data.t_s)),
+        passes=len(np.unique(data.pass_id[used])), pass_errors=problem.pass_errors(last),
+        pass_priors=problem.pass_priors, noise=noise, pass_rows=rows, pass_places=places,
+        shared=problem.shared, sharing=problem.sharing, nuisances=problem.nuisances,
+        nuisance_values=common, nuisance_covariance=spread, priors=problem.priors,
+    )  # fmt: skip
 
 
 def excess_of(noise: tuple[NoiseScale, NoiseScale]) -> float:

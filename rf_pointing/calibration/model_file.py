@@ -134,10 +134,8 @@ def _to_mapping(version: ModelVersion) -> dict[str, Any]:
     # No end is written as null, not left out: every key is there in every file.
     until = None if version.valid_until_t_s is None else _stamp(version.valid_until_t_s)
     return {
-        "format": FORMAT,
-        **{name: getattr(version, name) for name in _TEXTS},
-        **_mount_entry(version.model),
-        "created_utc": _stamp(version.created_t_s),
+        "format": FORMAT, **{name: getattr(version, name) for name in _TEXTS},
+        **_mount_entry(version.model), "created_utc": _stamp(version.created_t_s),
         "validity": {"from_utc": _stamp(version.valid_from_t_s), "until_utc": until},
         "data": {
             "first_utc": _stamp(version.first_t_s), "last_utc": _stamp(version.last_t_s),

@@ -190,9 +190,7 @@ class RawPasses:
         count = len(points)
         corrected = any(one.ionosphere for one in self._numbers.values())
         reports = (
-            self._validation,
-            outliers,
-            self._report("thinning", outliers.after, thinned),
+            self._validation, outliers, self._report("thinning", outliers.after, thinned),
             self._report("smoothing", len(thinned.t_s), smoothed),
             StageReport(
                 stage="corrections", before=count, after=count, dropped={},

@@ -60,14 +60,12 @@ def _x_y(mount: "Kinematics") -> tuple[Turn, ...]:
 
 
 CHAINS: Mapping[str, Callable[["Kinematics"], tuple[Turn, ...]]] = {
-    AZIMUTH_ELEVATION: lambda _: (),
-    "x_y": _x_y,
+    AZIMUTH_ELEVATION: lambda _: (), "x_y": _x_y,
     "ha_dec": lambda mount: (Turn(EAST, mount.latitude_rad - 0.5 * math.pi), Turn(UP, math.pi)),
     "azimuth_elevation_tilt": lambda mount: (
-        Turn(UP, -mount.train_rad),
-        Turn(EAST, -mount.tilt_rad),
+        Turn(UP, -mount.train_rad), Turn(EAST, -mount.tilt_rad),
     ),
-}
+}  # fmt: skip
 """The fixed rotations of every mount of `MOUNTS`."""
 
 

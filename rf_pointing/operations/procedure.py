@@ -159,8 +159,7 @@ def _block(name: str, given: Any, parameters: Mapping[str, Any], dictionary: Map
         if not isinstance(flag, bool):
             raise ValueError(f"{name}.{key}={flag!r} must be true or false")
     return Block(
-        name=name,
-        after=names_in(f"{name}.after", values.get("after")),
+        name=name, after=names_in(f"{name}.after", values.get("after")),
         before=read_conditions(f"{name}.before", values.get("before") or {}),
         directives=tuple(
             _directive(f"{name}.directives[{k}]", each, parameters, dictionary) for k, each in enumerate(directives)
@@ -168,10 +167,9 @@ def _block(name: str, given: Any, parameters: Mapping[str, Any], dictionary: Map
         then=read_conditions(f"{name}.then", values.get("then") or {}),
         fails=read_conditions(f"{name}.fails", values.get("fails") or {}),
         window_s=_window(name, values.get("window_s")),
-        timeout_s=TIMEOUT_S if place else float(timeout_s),
-        timeout_from=place[1] if place else "",
+        timeout_s=TIMEOUT_S if place else float(timeout_s), timeout_from=place[1] if place else "",
         **flags,
-    )
+    )  # fmt: skip
 
 
 def _directive(

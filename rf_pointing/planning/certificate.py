@@ -266,35 +266,23 @@ class _Certifier:
         acquisition_s = self.cost.acquisition_s * (2.0 if loss.lost_s > self.cost.memory_s else 1.0)
         reasons = _reasons_against(closest, margin, above, sun, self.machine)
         return Branch(
-            turns=turns,
-            plunge=motion.plunge,
-            over=crossing is not None and crossing.over_t_s is not None,
-            start_rad=start,
-            end_rad=end,
-            azimuth_range_rad=(low, high),
-            elevation_range_rad=(bottom, top),
-            peak_rate_rad_s=_peaks(required[1]),
-            peak_acceleration_rad_s2=_peaks(required[2]),
-            closest_limit=closest,
-            limit_margin_rad=margin,
-            mask_margin_rad=above,
+            turns=turns, plunge=motion.plunge,
+            over=crossing is not None and crossing.over_t_s is not None, start_rad=start,
+            end_rad=end, azimuth_range_rad=(low, high), elevation_range_rad=(bottom, top),
+            peak_rate_rad_s=_peaks(required[1]), peak_acceleration_rad_s2=_peaks(required[2]),
+            closest_limit=closest, limit_margin_rad=margin, mask_margin_rad=above,
             sun_margin_rad=sun,
             mean_loss_db=self._expected(loss, late_s + acquisition_s, left_s).mean_loss_db,
             preposition_s=preposition_s,
             unwind_s=self.machine.slew_s((end[0], 0.0), (math.remainder(end[0], TURN), 0.0)),
-            late_s=late_s,
-            acquisition_s=acquisition_s,
-            **self._probable(loss, late_s, left_s),
+            late_s=late_s, acquisition_s=acquisition_s, **self._probable(loss, late_s, left_s),
             search_rate_rad_s=self._search_rate(motion.required[1][first:], ahead[:, 1]),
             reasons=(
-                *reasons,
-                *self._too_little(loss.lost_s, late_s, left_s),
+                *reasons, *self._too_little(loss.lost_s, late_s, left_s),
                 *((f"no way to the start: {barred}",) if barred and margin >= 0.0 else ()),
             ),
-            crossing=crossing,
-            axes_rad=position,
-            **dataclasses.asdict(loss),
-        )
+            crossing=crossing, axes_rad=position, **dataclasses.asdict(loss),
+        )  # fmt: skip
 
     def _expected(self, loss: CrossingLoss, blind_s: float, left_s: float) -> PassOutcome:
         """Return what is expected of the `left_s` of the pass, `blind_s` of which are not held."""

@@ -197,9 +197,7 @@ WITH_HILL: dict[str, Any] = {
         [0.0, 0.0], [70.0, 0.0], [160.0, 0.0], [161.0, 70.0], [180.0, 0.0], [230.0, 0.0],
         [300.0, 0.0],
     ],
-    "wind.gust_limit_m_s": 25.0,
-    "wind.mean_limit_m_s": 100.0,
-    "tuning.safety.wind.release_s": 0.2,
+    "wind.gust_limit_m_s": 25.0, "wind.mean_limit_m_s": 100.0, "tuning.safety.wind.release_s": 0.2,
     "tuning.safety.wind.silence_s": 0.5,
 }  # fmt: skip
 """A station with a hill 40 deg to the right of where the antenna starts; the tests together move it by some 20."""
