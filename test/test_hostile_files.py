@@ -19,10 +19,9 @@ from rf_pointing.controllers import load_lqg_designs
 from rf_pointing.core.parameters import read_parameter_files
 from rf_pointing.ephemeris import find_elements, read_elements, tle_lines, verification_elements
 from rf_pointing.ephemeris.source import SourceParams, load_target
-from rf_pointing.operations import AlarmParams
+from rf_pointing.operations import AlarmParams, read_procedure
 from rf_pointing.operations.dictionary import TABLES, read_directives, read_tables
 from rf_pointing.operations.pass_list import read_passes, row_of, to_calendar, to_csv, to_json
-from rf_pointing.operations.procedure import read_procedure
 from rf_pointing.operations.recovery import read_table
 from rf_pointing.station.description.description import STATIONS, read_station, station_from
 from rf_pointing.tracking.cluster_tracker import read_calibration

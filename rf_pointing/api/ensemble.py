@@ -26,9 +26,7 @@ from rf_pointing.api.passes import StationPass
 from rf_pointing.api.simulated import CLUSTER_S
 from rf_pointing.api.station import BEFORE_S, Station
 from rf_pointing.api.target import Target
-from rf_pointing.core import MDEG, require_between
-from rf_pointing.core.dates import DAY_S, utc_text
-from rf_pointing.core.pass_outcome import PassOutcome
+from rf_pointing.core import DAY_S, MDEG, PassOutcome, require_between, utc_text
 from rf_pointing.ephemeris import Elements, ElementUncertainty, Pass, TopocentricTrack, find_passes
 from rf_pointing.simulation import StationSetup, simulate_pass
 from rf_pointing.simulation.draws import Draw

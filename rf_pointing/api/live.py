@@ -22,9 +22,7 @@ from rf_pointing.api.service import make_desk
 from rf_pointing.api.station import Station
 from rf_pointing.api.target import Target
 from rf_pointing.api.tuning import tune
-from rf_pointing.core import MDEG, Sensor
-from rf_pointing.core.checks import id_of
-from rf_pointing.core.dates import utc_text
+from rf_pointing.core import MDEG, Sensor, id_of, utc_text
 from rf_pointing.ephemeris import Pass, tle_lines
 from rf_pointing.identification import Recording
 from rf_pointing.identification.study import study

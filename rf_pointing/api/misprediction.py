@@ -15,9 +15,7 @@ import numpy as np
 
 from rf_pointing.calibration import BiasModel
 from rf_pointing.calibration.pass_errors import LOW_ORBIT_RATE_RAD_S, PassPriors, motion_partials
-from rf_pointing.core import MDEG, sky_offset_rad
-from rf_pointing.core.refraction import RadioRefraction
-from rf_pointing.core.types import Array
+from rf_pointing.core import MDEG, Array, RadioRefraction, sky_offset_rad
 from rf_pointing.ephemeris.look_angles import LookAngles
 from rf_pointing.report import error_ledger as rows
 from rf_pointing.report.replay_case import RecordedCase

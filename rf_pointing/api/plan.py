@@ -12,8 +12,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rf_pointing.core import to_degrees
-from rf_pointing.core.dates import DAY_S, utc_text
+from rf_pointing.core import DAY_S, to_degrees, utc_text
 from rf_pointing.ephemeris.uncertainty import error_text
 from rf_pointing.operations.pass_list import read_passes, table_of, to_calendar
 from rf_pointing.operations.pass_work import tracked_in_gaps

@@ -19,9 +19,7 @@ from typing import Any
 import numpy as np
 
 from rf_pointing.calibration import BiasModel, read_model
-from rf_pointing.core import MDEG, require_choice
-from rf_pointing.core.parameters import read_parameter_files
-from rf_pointing.core.types import Array
+from rf_pointing.core import MDEG, Array, read_parameter_files, require_choice
 from rf_pointing.ephemeris import Pass
 from rf_pointing.report.recorded_signals import read_pass
 from rf_pointing.report.replay_case import Changes, RecordedCase

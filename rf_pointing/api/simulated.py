@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.core import MDEG
-from rf_pointing.core.dates import utc_text
+from rf_pointing.core import MDEG, utc_text
 from rf_pointing.simulation import PassLog
 
 if TYPE_CHECKING:

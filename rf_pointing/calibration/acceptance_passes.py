@@ -11,8 +11,7 @@ import numpy as np
 
 from rf_pointing.calibration.bias_model import BiasModel
 from rf_pointing.calibration.observations import Observations
-from rf_pointing.core import Params, parameter, wrap_rad
-from rf_pointing.core.types import Array
+from rf_pointing.core import Array, Params, parameter, wrap_rad
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,8 +10,7 @@ from numpy.typing import ArrayLike
 
 from rf_pointing.calibration import taylor
 from rf_pointing.calibration.mount import lift
-from rf_pointing.core.kinematics import Kinematics
-from rf_pointing.core.types import Array
+from rf_pointing.core import Array, Kinematics
 
 # Temperature at which the thermal terms vanish (ISA sea level).
 REFERENCE_TEMPERATURE_K = 288.15

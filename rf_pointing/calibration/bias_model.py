@@ -26,10 +26,8 @@ from rf_pointing.calibration.angles import (
 )
 from rf_pointing.calibration.mount import Skew, axes_from_sky, bent, sky_from_axes, straight
 from rf_pointing.calibration.terms import Term, mount_of, names_of, numbered, terms_by_name
-from rf_pointing.core import angular_distance_rad, require_between
-from rf_pointing.core.kinematics import LEVEL, UP, Kinematics
+from rf_pointing.core import LEVEL, UP, Array, Kinematics, angular_distance_rad, require_between
 from rf_pointing.core.mount_types import AZIMUTH_ELEVATION
-from rf_pointing.core.types import Array
 
 _DEGREE = math.radians(1.0)
 # `remove` stops when two iterations agree this well (per axis, rates per second).

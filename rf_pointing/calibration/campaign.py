@@ -29,8 +29,7 @@ from rf_pointing.calibration.observations import Observations
 from rf_pointing.calibration.pass_errors import PassPriors
 from rf_pointing.calibration.reference import ReferenceTrack
 from rf_pointing.calibration.terms import terms_by_name
-from rf_pointing.core import Params, parameter, require_between
-from rf_pointing.core.types import Array, Pair
+from rf_pointing.core import Array, Pair, Params, parameter, require_between
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -9,8 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rf_pointing.core import Params, parameter
-from rf_pointing.core.types import Array, BoolArray, IntArray
+from rf_pointing.core import Array, BoolArray, IntArray, Params, parameter
 
 
 @dataclass(frozen=True, kw_only=True)

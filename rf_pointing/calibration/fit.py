@@ -25,9 +25,7 @@ from rf_pointing.calibration.noise import NoiseScale, share_after_editing
 from rf_pointing.calibration.observations import Observations
 from rf_pointing.calibration.pass_errors import PassPriors, SharedErrors
 from rf_pointing.calibration.terms import mount_of, names_of, terms_by_name
-from rf_pointing.core import Params, parameter
-from rf_pointing.core.mount_types import AZIMUTH_ELEVATION
-from rf_pointing.core.types import Array, BoolArray
+from rf_pointing.core import AZIMUTH_ELEVATION, Array, BoolArray, Params, parameter
 
 # A step of a millionth of sigma: below it rounding, not the data, moves the terms.
 _CONVERGED_SIGMA = 1e-6

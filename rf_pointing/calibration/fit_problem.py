@@ -35,8 +35,7 @@ from rf_pointing.calibration.pass_errors import (
     pass_partials,
 )
 from rf_pointing.calibration.terms import Partial, terms_by_name
-from rf_pointing.core import wrap_rad
-from rf_pointing.core.types import Array, BoolArray
+from rf_pointing.core import Array, BoolArray, wrap_rad
 
 Pair = tuple[Array, Array]
 # Lags that count as equal: at orbit errors of 1 km and 1 s they change the shift by < 0.1 mdeg.

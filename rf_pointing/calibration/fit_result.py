@@ -10,9 +10,7 @@ from rf_pointing.calibration.bias_model import BiasModel
 from rf_pointing.calibration.noise import NoiseScale
 from rf_pointing.calibration.normal_equations import advice_for
 from rf_pointing.calibration.pass_errors import PassErrors, PassPriors, SharedErrors, Sharing
-from rf_pointing.core import require_finite
-from rf_pointing.core.kinematics import LEVEL, Kinematics
-from rf_pointing.core.types import Array, BoolArray, IntArray, Pair
+from rf_pointing.core import LEVEL, Array, BoolArray, IntArray, Kinematics, Pair, require_finite
 
 # Correlation above which two fitted terms are reported as poorly separated.
 HIGH_CORRELATION = 0.95

@@ -16,11 +16,10 @@ import yaml
 from rf_pointing.calibration.bias_model import BiasModel
 from rf_pointing.calibration.fit_result import FitResult
 from rf_pointing.calibration.terms import ALL_TERMS, FURTHER_TERMS, MOUNT_TERMS, mount_of
-from rf_pointing.core import from_degrees, require_choice, require_finite, to_degrees
+from rf_pointing.core import Array, from_degrees, require_choice, require_finite, to_degrees
 from rf_pointing.core.dates import from_utc_text, to_utc_text
 from rf_pointing.core.kinematics import LEVEL, Kinematics
 from rf_pointing.core.mount_types import AZIMUTH_ELEVATION, MOUNTS
-from rf_pointing.core.types import Array
 from rf_pointing.core.whole_file import parse_json, parse_yaml, read_whole, write_whole
 
 FORMAT = "rf_pointing/bias_model/1"

@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rf_pointing.core import as_finite_array, to_degrees, wrap_rad
-from rf_pointing.core.kinematics import LEVEL, Kinematics
+from rf_pointing.core import LEVEL, Kinematics, as_finite_array, to_degrees, wrap_rad
 from rf_pointing.core.types import Array, BoolArray, IntArray
 
 # Difference on the sky of observed and true direction above which the data must be wrong.

@@ -22,8 +22,7 @@ import numpy as np
 from rf_pointing.calibration.observations import Observations
 from rf_pointing.calibration.reference import ReferenceTrack
 from rf_pointing.calibration.terms import numbered
-from rf_pointing.core import Params, azel_from_unit_vector, parameter, wrap_rad
-from rf_pointing.core.kinematics import LEVEL, Kinematics
+from rf_pointing.core import LEVEL, Kinematics, Params, azel_from_unit_vector, parameter, wrap_rad
 from rf_pointing.core.types import Array, IntArray, Pair
 
 _EARTH_RADIUS_M = 6.371e6

@@ -27,9 +27,7 @@ from rf_pointing.calibration.pass_errors import PassErrors, displaced, lags_of, 
 from rf_pointing.calibration.raw_tracking import RawTracking, StageReport, require_unit, validate
 from rf_pointing.calibration.reference import COLUMNS, ReferenceTrack
 from rf_pointing.calibration.thinning import Thinned, find_outliers, smooth, thin
-from rf_pointing.core import wrap_rad
-from rf_pointing.core.kinematics import Kinematics
-from rf_pointing.core.types import Array, BoolArray, IntArray, Pair
+from rf_pointing.core import Array, BoolArray, IntArray, Kinematics, Pair, wrap_rad
 
 # A perfect simulation scatters by nothing; a sigma of zero would divide by zero in the fit.
 _LEAST_SIGMA_RAD = 1e-6

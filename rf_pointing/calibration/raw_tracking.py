@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from rf_pointing.calibration.reference import ReferenceTrack
-from rf_pointing.core import wrap_rad
-from rf_pointing.core.types import Array, BoolArray, IntArray
+from rf_pointing.core import Array, BoolArray, IntArray, wrap_rad
 
 # Two on each side: a median of five takes two wrong time tags in a row.
 _NEIGHBOURS = 2

@@ -11,10 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rf_pointing.core import as_finite_array
+from rf_pointing.core import LEVEL, Array, BoolArray, IntArray, Kinematics, as_finite_array
 from rf_pointing.core.hermite import quintic_coefficients
-from rf_pointing.core.kinematics import LEVEL, Kinematics
-from rf_pointing.core.types import Array, BoolArray, IntArray
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

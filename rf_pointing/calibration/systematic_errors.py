@@ -29,9 +29,7 @@ from rf_pointing.calibration.observations import Observations, north_text
 from rf_pointing.calibration.outlying_passes import MEASURABLE_FROM, free_errors
 from rf_pointing.calibration.pass_errors import PassPriors, site_partials
 from rf_pointing.calibration.pipeline import TrackedPass
-from rf_pointing.core import wrap_rad
-from rf_pointing.core.refraction import RadioRefraction
-from rf_pointing.core.types import Array, Pair
+from rf_pointing.core import Array, Pair, RadioRefraction, wrap_rad
 
 Places = NDArray[np.int64]
 

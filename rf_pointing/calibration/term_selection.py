@@ -38,8 +38,7 @@ from rf_pointing.calibration.normal_equations import NormalEquations
 from rf_pointing.calibration.observations import Observations
 from rf_pointing.calibration.pass_errors import PassPriors, SharedErrors
 from rf_pointing.calibration.terms import terms_by_name
-from rf_pointing.core import wrap_rad
-from rf_pointing.core.types import Array, BoolArray, IntArray
+from rf_pointing.core import Array, BoolArray, IntArray, wrap_rad
 
 # Terms that enter and leave in turn would go on for ever.
 _MOST_STEPS = 100

@@ -16,9 +16,7 @@ import numpy as np
 
 from rf_pointing.calibration.observations import COLUMNS, Observations
 from rf_pointing.calibration.raw_tracking import RawTracking
-from rf_pointing.core import from_degrees, to_degrees
-from rf_pointing.core.kinematics import LEVEL, Kinematics
-from rf_pointing.core.types import Array
+from rf_pointing.core import LEVEL, Array, Kinematics, from_degrees, to_degrees
 from rf_pointing.core.whole_file import JOURNAL_BYTES, read_bytes, read_whole, write_whole
 
 CsvTable = tuple[Mapping[str, str], Mapping[str, Array]]

@@ -11,8 +11,7 @@ import sys
 from collections.abc import Iterable
 
 from rf_pointing.commands.options import ending_with_reason
-from rf_pointing.core import parameter_unit
-from rf_pointing.core.derived import Value
+from rf_pointing.core import Value, parameter_unit
 from rf_pointing.station.derive.band import Band
 from rf_pointing.station.derive.nodes import described_parameters
 from rf_pointing.station.derive.plants import FIRST_LOOP

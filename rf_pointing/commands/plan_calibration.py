@@ -21,10 +21,8 @@ from rf_pointing.api.target import Target
 from rf_pointing.calibration import CandidatePass, PassPriors, SectorRule, Slew
 from rf_pointing.calibration.terms import names_of
 from rf_pointing.commands.options import add_options, ending_with_reason, requested, say, say_of_elements
-from rf_pointing.core import MDEG, require_between
-from rf_pointing.core.dates import utc_text
-from rf_pointing.ephemeris import verification_elements
-from rf_pointing.ephemeris.source import read_source
+from rf_pointing.core import MDEG, require_between, utc_text
+from rf_pointing.ephemeris import read_source, verification_elements
 from rf_pointing.station.campaign.plan import ArcRules, beacons, candidate_arcs
 
 PROGRAM = "plan_calibration"

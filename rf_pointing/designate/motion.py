@@ -21,8 +21,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rf_pointing.core import Motion
-from rf_pointing.core.types import Array
+from rf_pointing.core import Array, Motion
 from rf_pointing.designate.report import Report
 
 # Chi-square of three directions that a good report exceeds once in a million.

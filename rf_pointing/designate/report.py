@@ -10,9 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rf_pointing.core import Params, parameter, require_between, require_finite
-from rf_pointing.core.checks import require_name
-from rf_pointing.core.types import Array
+from rf_pointing.core import Array, Params, parameter, require_between, require_finite, require_name
 from rf_pointing.ephemeris.sites import Site, earth_fixed_m, local_axes
 
 # From below the lowest shore to beyond the Moon.

@@ -10,9 +10,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from rf_pointing.core import AXES, Motion
-from rf_pointing.core.checks import Line
-from rf_pointing.core.types import Pair
+from rf_pointing.core import AXES, Line, Motion, Pair
 from rf_pointing.drives.drive import POSITION, Drive, DriveReading
 from rf_pointing.drives.params import DriveParams
 from rf_pointing.drives.rotator import LONGEST_LATENCY_S, Rotator

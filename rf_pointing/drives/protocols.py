@@ -17,8 +17,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import ClassVar
 
-from rf_pointing.core import require_choice
-from rf_pointing.core.types import Pair
+from rf_pointing.core import Pair, require_choice
 
 POSITION, DONE, REFUSED, LIMITS = "position", "done", "refused", "limits"
 ALARM, STATUS, NOISE = "alarm", "status", "noise"

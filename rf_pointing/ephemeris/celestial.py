@@ -17,9 +17,7 @@ from typing import Any
 import erfa
 import numpy as np
 
-from rf_pointing.core import require_between, require_choice
-from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
-from rf_pointing.core.dates import DAY_S
+from rf_pointing.core import DAY_S, SPEED_OF_LIGHT_M_S, require_between, require_choice
 from rf_pointing.ephemeris.celestial_frame import EARTH_RATE_RAD_S, earth_fixed_from_gcrs, tt_parts
 from rf_pointing.ephemeris.earth_orientation import IersEarthOrientation
 from rf_pointing.ephemeris.state_vector import OFFSETS, StateVector, Vector, motion_from_positions

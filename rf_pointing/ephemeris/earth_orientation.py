@@ -21,8 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.core.dates import DAY_S, utc_text
-from rf_pointing.core.types import Array, Pair
+from rf_pointing.core import DAY_S, Array, Pair, utc_text
 from rf_pointing.ephemeris.time_scales import leap_seconds
 
 _ARCSEC = math.radians(1.0 / 3600.0)

@@ -18,9 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from rf_pointing.core import HeldDirection
-from rf_pointing.core.dates import DAY_S
-from rf_pointing.core.types import Array, Pair
+from rf_pointing.core import DAY_S, Array, HeldDirection, Pair
 from rf_pointing.core.whole_file import KeptState
 from rf_pointing.ephemeris.elements import Elements
 from rf_pointing.ephemeris.state_vector import norm

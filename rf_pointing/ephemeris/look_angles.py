@@ -20,8 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
-from rf_pointing.core.types import Array
+from rf_pointing.core import SPEED_OF_LIGHT_M_S, Array
 from rf_pointing.ephemeris.state_vector import StateVector, Vector, combined, cross, dot, norm, root
 
 Unit = tuple[Vector, Vector, Vector]

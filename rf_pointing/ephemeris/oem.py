@@ -18,12 +18,9 @@ from typing import Any, NamedTuple
 import erfa
 import numpy as np
 
-from rf_pointing.core import require_choice
-from rf_pointing.core.checks import name_of
-from rf_pointing.core.constants import EARTH_MU_M3_S2, EARTH_RADIUS_M
+from rf_pointing.core import EARTH_MU_M3_S2, EARTH_RADIUS_M, Array, Pair, name_of, require_choice
 from rf_pointing.core.dates import DAY_S, from_utc_text, to_utc_text, utc_text
 from rf_pointing.core.kvn import key_and_value
-from rf_pointing.core.types import Array, Pair
 from rf_pointing.ephemeris import time_scales
 from rf_pointing.ephemeris.celestial_frame import EARTH_RATE_RAD_S, earth_fixed_from_gcrs
 from rf_pointing.ephemeris.earth_orientation import IersEarthOrientation

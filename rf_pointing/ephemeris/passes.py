@@ -11,9 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rf_pointing.core import require_between
-from rf_pointing.core.dates import utc_text
-from rf_pointing.core.types import Array, BoolArray, Pair
+from rf_pointing.core import Array, BoolArray, Pair, require_between, utc_text
 from rf_pointing.ephemeris.elements import Elements
 from rf_pointing.ephemeris.look_angles import angles_and_rates
 from rf_pointing.ephemeris.state_vector import StateVector, rows_of

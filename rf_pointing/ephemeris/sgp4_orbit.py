@@ -15,8 +15,7 @@ import erfa
 import numpy as np
 from sgp4.api import SGP4_ERRORS, Satrec
 
-from rf_pointing.core.dates import DAY_S, utc_text
-from rf_pointing.core.types import Array, BoolArray
+from rf_pointing.core import DAY_S, Array, BoolArray, utc_text
 from rf_pointing.ephemeris.earth_orientation import IersEarthOrientation
 from rf_pointing.ephemeris.elements import Elements
 from rf_pointing.ephemeris.state_vector import OFFSETS, StateVector, motion_from_positions, turned_about_z

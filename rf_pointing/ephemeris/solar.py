@@ -9,11 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rf_pointing.core import Params, parameter
-from rf_pointing.core.checks import require_name
-from rf_pointing.core.dates import utc_text
+from rf_pointing.core import Array, Pair, Params, parameter, require_name, utc_text
 from rf_pointing.core.kinematics import LEVEL, Kinematics
-from rf_pointing.core.types import Array, Pair
 from rf_pointing.ephemeris.celestial import sun
 from rf_pointing.ephemeris.sites import SITES, Site
 from rf_pointing.ephemeris.track import TopocentricTrack

@@ -11,9 +11,7 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache, partial
 from pathlib import Path
 
-from rf_pointing.core import parameter
-from rf_pointing.core.dates import DAY_S
-from rf_pointing.core.refraction import RadioRefraction
+from rf_pointing.core import DAY_S, RadioRefraction, parameter
 from rf_pointing.core.whole_file import KeptState
 from rf_pointing.ephemeris import celestial
 from rf_pointing.ephemeris.element_files import element_files, version_of

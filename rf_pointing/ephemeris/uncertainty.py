@@ -22,10 +22,8 @@ from typing import Any
 
 import numpy as np
 
-from rf_pointing.core import Params, SkyUncertainty, Target, parameter
-from rf_pointing.core.dates import DAY_S
+from rf_pointing.core import DAY_S, Array, Params, SkyUncertainty, Target, parameter
 from rf_pointing.core.signals import LEAST_KNOWN_S
-from rf_pointing.core.types import Array
 from rf_pointing.ephemeris.elements import Elements
 from rf_pointing.ephemeris.oem import OemTarget
 from rf_pointing.ephemeris.state_vector import StateVector, combined, cross, dot, norm, rotated

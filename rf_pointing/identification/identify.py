@@ -15,8 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rf_pointing.core import Params, parameter, require_between
-from rf_pointing.core.types import Array, ComplexArray
+from rf_pointing.core import Array, ComplexArray, Params, parameter, require_between
 from rf_pointing.identification.model import StateSpace
 from rf_pointing.identification.realization import balanced_reduction, observer_markov, realize, system_markov
 

@@ -20,8 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rf_pointing.core import require_between
-from rf_pointing.core.types import Array
+from rf_pointing.core import Array, require_between
 from rf_pointing.identification.model import StateSpace
 
 # Share of the largest singular value that counts as zero: rounding leaves up to 1e-14.

@@ -10,8 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rf_pointing.core import require_between
-from rf_pointing.core.types import Array, BoolArray, ComplexArray, Pair
+from rf_pointing.core import Array, BoolArray, ComplexArray, Pair, require_between
 
 
 @dataclass(frozen=True, slots=True)

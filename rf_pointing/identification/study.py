@@ -18,8 +18,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rf_pointing.core import as_finite_array, require_between
-from rf_pointing.core.types import Array, ComplexArray
+from rf_pointing.core import Array, ComplexArray, as_finite_array, require_between
 from rf_pointing.core.whole_file import parse_json, read_whole
 from rf_pointing.identification.experiment import Recording
 from rf_pointing.identification.identify import IdentificationParams, Identified, identify

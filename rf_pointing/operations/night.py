@@ -12,8 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from enum import StrEnum
 from typing import Any
 
-from rf_pointing.core.pass_outcome import LEAST_SHARE, LOSS_OF_SIGNAL, OF_ANTENNA
-from rf_pointing.core.types import Pair
+from rf_pointing.core import LEAST_SHARE, LOSS_OF_SIGNAL, OF_ANTENNA, Pair
 from rf_pointing.operations.alarms import Alarm, AlarmBook
 from rf_pointing.operations.executor import BlockRun, BlockState, Executor, JournalEntry, block_text
 from rf_pointing.operations.expected_state import ExpectedState

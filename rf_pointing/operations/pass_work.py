@@ -5,8 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from typing import Any
 
-from rf_pointing.core.dates import utc_text
-from rf_pointing.core.pass_outcome import SIDELOBE_DB
+from rf_pointing.core import SIDELOBE_DB, utc_text
 from rf_pointing.operations.alarms import AlarmBook
 from rf_pointing.operations.executor import BlockState, Executor
 from rf_pointing.operations.expected_state import ExpectedState

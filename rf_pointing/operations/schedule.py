@@ -18,9 +18,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
 
-from rf_pointing.core import Params, parameter
-from rf_pointing.core.checks import id_of, require_id, require_name
-from rf_pointing.core.types import Pair
+from rf_pointing.core import Pair, Params, id_of, parameter, require_id, require_name
 from rf_pointing.planning import AxisLimits, AxisRates, Candidate, reasons_against, turns_within
 from rf_pointing.planning.schedule import schedule
 

@@ -18,9 +18,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from rf_pointing.core import Params, parameter, wrap_rad
-from rf_pointing.core.constants import EARTH_MU_M3_S2
-from rf_pointing.core.types import Array, BoolArray, IntArray
+from rf_pointing.core import EARTH_MU_M3_S2, Array, BoolArray, IntArray, Params, parameter, wrap_rad
 from rf_pointing.ephemeris.uncertainty import ElementUncertainty
 from rf_pointing.orbit.forces import Disturbances
 from rf_pointing.orbit.measurements import KINDS, StationMotion, measured_from, partials_from

@@ -17,9 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rf_pointing.core import Params, parameter
-from rf_pointing.core.constants import EARTH_RADIUS_M
-from rf_pointing.core.types import Array
+from rf_pointing.core import EARTH_RADIUS_M, Array, Params, parameter
 from rf_pointing.orbit.geopotential import MOST_DEGREES, attraction
 
 EARTH_RATE_RAD_S = 7.292115855e-5

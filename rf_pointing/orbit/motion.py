@@ -11,9 +11,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rf_pointing.core import as_finite_array
-from rf_pointing.core.constants import EARTH_MU_M3_S2
-from rf_pointing.core.types import Array
+from rf_pointing.core import EARTH_MU_M3_S2, Array, as_finite_array
 from rf_pointing.orbit.forces import Disturbances
 
 # Millimetres after days; looser, and the differences of neighbouring orbits would show the

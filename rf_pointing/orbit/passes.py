@@ -12,18 +12,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rf_pointing.calibration import BiasModel, TrackedPass
-from rf_pointing.core import wrap_rad
-from rf_pointing.core.constants import EARTH_RADIUS_M
+from rf_pointing.core import EARTH_RADIUS_M, TURN, Array, RadioRefraction, wrap_rad
 from rf_pointing.core.dates import DAY_S, to_utc_text
-from rf_pointing.core.refraction import RadioRefraction
-from rf_pointing.core.types import TURN, Array
+from rf_pointing.ephemeris import Elements, Site, StateVector, TargetSource, leap_seconds
 from rf_pointing.ephemeris.earth_orientation import IersEarthOrientation
-from rf_pointing.ephemeris.elements import Elements
 from rf_pointing.ephemeris.sgp4_orbit import Sgp4Orbit, earth_fixed_from_teme
-from rf_pointing.ephemeris.sites import Site
-from rf_pointing.ephemeris.state_vector import StateVector
-from rf_pointing.ephemeris.time_scales import leap_seconds
-from rf_pointing.ephemeris.track import TargetSource
 from rf_pointing.ephemeris.uncertainty import ElementUncertainty
 from rf_pointing.orbit.determination import (
     Dynamics,

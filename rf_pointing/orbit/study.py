@@ -15,9 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rf_pointing.core import Params, parameter
-from rf_pointing.core.constants import EARTH_RADIUS_M
-from rf_pointing.core.types import Array, BoolArray
+from rf_pointing.core import EARTH_RADIUS_M, Array, BoolArray, Params, parameter
 from rf_pointing.orbit.determination import Dynamics
 from rf_pointing.orbit.forces import EARTH_RATE_RAD_S, Disturbances
 from rf_pointing.orbit.measurements import KINDS, StationMotion, measured_from, partials_from

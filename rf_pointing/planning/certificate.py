@@ -21,9 +21,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from rf_pointing.core.kinematics import LEVEL, Kinematics
-from rf_pointing.core.pass_outcome import PassOutcome
-from rf_pointing.core.types import TURN, Array, Pair
+from rf_pointing.core import LEVEL, TURN, Array, Kinematics, Pair, PassOutcome
 from rf_pointing.planning.branch_motion import BranchMotion, Lag, branch_motions, no_lag
 from rf_pointing.planning.crossing import Crossing, CrossingLoss, Gain
 from rf_pointing.planning.forbidden_sky import ForbiddenSky, angle_between

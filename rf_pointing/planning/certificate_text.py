@@ -4,8 +4,7 @@ import dataclasses
 import math
 from typing import Any
 
-from rf_pointing.core import to_degrees
-from rf_pointing.core.pass_outcome import SIDELOBE_DB
+from rf_pointing.core import SIDELOBE_DB, to_degrees
 from rf_pointing.planning.certificate import Branch, Certificate
 
 # From here on fresh elements are worth a word.

@@ -10,9 +10,8 @@ ends.
 import math
 from dataclasses import dataclass
 
-from rf_pointing.core import Params, parameter, require_choice, require_finite
+from rf_pointing.core import Array, Pair, Params, parameter, require_choice, require_finite
 from rf_pointing.core.kinematics import LEVEL, Kinematics
-from rf_pointing.core.types import Array, Pair
 from rf_pointing.planning.forbidden_sky import ForbiddenSky
 from rf_pointing.planning.horizon import HorizonMask
 from rf_pointing.planning.limits import AxisLimits, AxisRates

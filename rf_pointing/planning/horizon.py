@@ -13,8 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rf_pointing.core import Params, parameter
-from rf_pointing.core.types import TURN, Array
+from rf_pointing.core import TURN, Array, Params, parameter
 
 # Note of a recording with the points of the horizon.
 HORIZON_NOTE = "horizon_deg"

@@ -8,9 +8,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple, Self
 
-from rf_pointing.core import AXES, Params, parameter, require_finite
-from rf_pointing.core.pass_outcome import LEAST_SHARE
-from rf_pointing.core.types import Pair
+from rf_pointing.core import AXES, LEAST_SHARE, Pair, Params, parameter, require_finite
 
 SAME_RAD = 1e-9
 

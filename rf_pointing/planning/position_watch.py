@@ -16,8 +16,7 @@ the time P between two readings:
 import math
 from dataclasses import dataclass
 
-from rf_pointing.core import AXES
-from rf_pointing.core.types import Pair
+from rf_pointing.core import AXES, Pair
 
 JUMP = 1.5
 STEPS = 2.0

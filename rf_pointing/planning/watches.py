@@ -23,8 +23,7 @@ from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from rf_pointing.core import AXES, Params, parameter
-from rf_pointing.core.types import Pair
+from rf_pointing.core import AXES, Pair, Params, parameter
 
 # A rate that changes by so many times what the drive can give in a tick is a wrong reading.
 JUMP = 3.0

@@ -12,8 +12,7 @@ import numpy as np
 import scipy.fft
 from numpy.typing import ArrayLike, NDArray
 
-from rf_pointing.core import random_stream
-from rf_pointing.core.types import Array, ComplexArray, Pair
+from rf_pointing.core import Array, ComplexArray, Pair, random_stream
 from rf_pointing.receiver.nco import Oscillator
 from rf_pointing.receiver.params import GeneratorParams
 from rf_pointing.receiver.spectrum import Samples

@@ -11,8 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.core import CarrierPower, MonopulseCluster
-from rf_pointing.core.types import Array, BoolArray, ComplexArray, Pair
+from rf_pointing.core import Array, BoolArray, CarrierPower, ComplexArray, MonopulseCluster, Pair
 from rf_pointing.receiver.balance import ChannelBalance
 from rf_pointing.receiver.band import BandPower, band_bound
 from rf_pointing.receiver.carrier import CarrierTracker, power_bound

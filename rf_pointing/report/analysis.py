@@ -14,10 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.core import MDEG
-from rf_pointing.core.modes import Mode
+from rf_pointing.core import MDEG, Array, BoolArray, IntArray, Mode
 from rf_pointing.core.pass_outcome import is_held, pointing_loss_db, received_power
-from rf_pointing.core.types import Array, BoolArray, IntArray
 from rf_pointing.report.recording import Pass, Recording
 from rf_pointing.report.summary import Acquisition, ErrorStatistics, Spread, reduced
 from rf_pointing.report.topics import TopicData

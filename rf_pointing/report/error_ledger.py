@@ -20,9 +20,8 @@ from typing import Any
 
 import numpy as np
 
-from rf_pointing.core import MDEG, Mode, require_choice
+from rf_pointing.core import MDEG, Array, Mode, Pair, require_choice
 from rf_pointing.core.pass_outcome import pointing_loss_db, received_power
-from rf_pointing.core.types import Array, Pair
 from rf_pointing.core.whole_file import DATA_BYTES, parse_json, read_whole
 from rf_pointing.report.picture_style import figure
 

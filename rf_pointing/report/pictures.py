@@ -9,10 +9,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rf_pointing.core import AXES, MDEG
-from rf_pointing.core.modes import Mode
+from rf_pointing.core import AXES, MDEG, Array, Mode, Pair
 from rf_pointing.core.pass_outcome import SIDELOBE_DB, pointing_loss_db, received_power
-from rf_pointing.core.types import Array, Pair
 from rf_pointing.planning.horizon import horizon_from_notes
 from rf_pointing.report import picture_style as style
 from rf_pointing.report.analysis import Analysis, ErrorSeries, tracking_modes

@@ -4,8 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rf_pointing.core.modes import Sensor
-from rf_pointing.core.types import IntArray
+from rf_pointing.core import IntArray, Sensor
 from rf_pointing.report.recording import Recording
 from rf_pointing.report.summary import Latency, TopicTraffic, percentile_99, reduced
 from rf_pointing.report.topics import TOPICS, TopicData

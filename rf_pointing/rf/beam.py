@@ -14,9 +14,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rf_pointing.core import MDEG, MU, Params, parameter, require_choice
-from rf_pointing.core.roots import bracketed_root
-from rf_pointing.core.types import Array
+from rf_pointing.core import MDEG, MU, Array, Params, bracketed_root, parameter, require_choice
 
 # Half-power beamwidths of a 34-m dish (CONSCAN section IV for X and Ka).
 HALF_POWER_BEAMWIDTH_RAD = {"S": 264.0 * MDEG, "X": 65.0 * MDEG, "Ka": 17.0 * MDEG}

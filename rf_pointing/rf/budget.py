@@ -15,8 +15,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
-from rf_pointing.core.types import Array
+from rf_pointing.core import SPEED_OF_LIGHT_M_S, Array
 from rf_pointing.rf.beam import Beam, BeamParams
 from rf_pointing.rf.link import Link
 from rf_pointing.rf.noise import BOLTZMANN_J_K, atmosphere_loss_db

@@ -9,8 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rf_pointing.core import Params, parameter
-from rf_pointing.core.types import Array, Pair
+from rf_pointing.core import Array, Pair, Params, parameter
 
 PERIOD_S = 0.1
 """Time between two directions of an array, and length of the block that each is made of."""

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rf_pointing.core import Params, parameter
-from rf_pointing.core.types import Array, ComplexArray, Pair
+from rf_pointing.core import Array, ComplexArray, Pair, Params, parameter
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -15,9 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rf_pointing.core import Params, parameter
-from rf_pointing.core.roots import bracketed_root
-from rf_pointing.core.types import Array, ComplexArray, Pair
+from rf_pointing.core import Array, ComplexArray, Pair, Params, bracketed_root, parameter
 from rf_pointing.rf.beam import BeamParams, normalised_voltage
 
 # Squint and width are in beamwidths, the same for every beam: one stands for all in the cache.

@@ -12,8 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rf_pointing.core import Params, parameter
-from rf_pointing.core.types import Array
+from rf_pointing.core import Array, Params, parameter
 from rf_pointing.rf.noise import AtmosphereParams, NoiseParams, atmosphere_loss_db, system_noise_k
 
 # The reference of every C/N0 here: tests are made at high elevation.

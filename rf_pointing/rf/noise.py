@@ -24,8 +24,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rf_pointing.core import Params, parameter
-from rf_pointing.core.types import Array
+from rf_pointing.core import Array, Params, parameter
 
 MEAN_EARTH_RADIUS_M = 6_371_000.0
 

@@ -18,9 +18,8 @@ from trajectory_msgs.msg import JointTrajectory as TrajectoryMessage
 from trajectory_msgs.msg import JointTrajectoryPoint
 
 from rf_pointing import core
+from rf_pointing.core import Array, axes_among
 from rf_pointing.core.constants import ZERO_CELSIUS_K
-from rf_pointing.core.mount_types import axes_among
-from rf_pointing.core.types import Array
 from rf_pointing.ros.stamps import seconds_from_stamp, stamp_from_seconds
 from rf_pointing.station.pointing.status import TrackingStatus
 

@@ -16,10 +16,8 @@ from sensor_msgs.msg import NavSatFix, NavSatStatus
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
-from rf_pointing.core import JointReading, Target
+from rf_pointing.core import BASE, BEAM, LEVEL, JointReading, Kinematics, Target
 from rf_pointing.core.angles import unit_vector_from_azel
-from rf_pointing.core.kinematics import LEVEL, Kinematics
-from rf_pointing.core.signals import BASE, BEAM
 from rf_pointing.ephemeris import Site
 from rf_pointing.planning import HorizonMask, PassProfile
 from rf_pointing.ros.stamps import stamp_from_seconds

@@ -8,8 +8,7 @@ from rf_pointing_msgs import msg as ours
 from rf_pointing_msgs.action import Scan, TrackPass
 
 from rf_pointing.core import require_finite
-from rf_pointing.ephemeris import Pass
-from rf_pointing.ephemeris.solar import SunPermit
+from rf_pointing.ephemeris import Pass, SunPermit
 from rf_pointing.operations.schedule import MOST_PASSES, Entry, ScheduledPass, require_each_once
 from rf_pointing.planning import Branch, Certificate, MachineParams, PassProfile
 from rf_pointing.ros.convert import pair

@@ -17,8 +17,7 @@ from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import MarkerArray
 
-from rf_pointing.core.modes import Sensor
-from rf_pointing.core.signals import BASE, BEAM
+from rf_pointing.core import BASE, BEAM, Sensor
 from rf_pointing.ros.qos import COMMAND, EXPERIMENT, IN_USE, LATCHED, SAMPLES, STATUS, STREAM
 from rf_pointing.tracking.sensors import SENSORS
 

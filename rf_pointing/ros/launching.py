@@ -15,8 +15,7 @@ from typing import Any
 import yaml
 from ament_index_python.packages import PackageNotFoundError, get_package_prefix, get_package_share_directory
 
-from rf_pointing.core import Sensor
-from rf_pointing.core.signals import STANDBY, STANDBY_ROLE
+from rf_pointing.core import STANDBY, STANDBY_ROLE, Sensor
 from rf_pointing.ros.graph import (
     ALARMS,
     ARRAY_NODES,

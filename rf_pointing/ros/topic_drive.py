@@ -15,9 +15,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 
-from rf_pointing.core import AXES, JointReading, require_choice
-from rf_pointing.core.signals import BASE
-from rf_pointing.core.types import Pair
+from rf_pointing.core import AXES, BASE, JointReading, Pair, require_choice
 from rf_pointing.drives import Capabilities, Drive, DriveParams, DriveReading, make_drive
 from rf_pointing.drives.drive import POSITION, RATE
 from rf_pointing.ros.qos import LATCHED, SET_POINT

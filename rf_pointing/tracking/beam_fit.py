@@ -13,8 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rf_pointing.core import MU
-from rf_pointing.core.types import Array, BoolArray
+from rf_pointing.core import MU, Array, BoolArray
 
 MAX_ITERATIONS = 25
 LOSS = -0.25 / MU  # -mu u^2 / h^2 from the columns 2 mu u / h

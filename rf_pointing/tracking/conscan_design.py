@@ -8,8 +8,7 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from rf_pointing.core import MDEG, MU, Params, parameter
-from rf_pointing.core.derived import BandNumbers, Rows, Value, rounded, tuned
+from rf_pointing.core import MDEG, MU, BandNumbers, Params, Rows, Value, parameter, rounded, tuned
 from rf_pointing.tracking.conscan_estimate import ConscanParams
 from rf_pointing.tracking.scan import SCAN_RADIUS
 

@@ -16,8 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rf_pointing.core import MDEG, MU, Params, parameter
-from rf_pointing.core.types import Array
+from rf_pointing.core import MDEG, MU, Array, Params, parameter
 from rf_pointing.tracking.beam_fit import (
     BeamDesign,
     LikelihoodFit,

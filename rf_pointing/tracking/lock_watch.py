@@ -15,8 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rf_pointing.core import MDEG, Params, PointingError, parameter
-from rf_pointing.core.types import Array, ComplexArray
+from rf_pointing.core import MDEG, Array, ComplexArray, Params, PointingError, parameter
 from rf_pointing.tracking.response import ResponseEstimate, ResponseSums
 from rf_pointing.tracking.scan import ScanParams
 

@@ -10,8 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rf_pointing.core import MDEG, MonopulseCluster, Params, parameter
-from rf_pointing.core.types import Array, ComplexArray
+from rf_pointing.core import MDEG, Array, ComplexArray, MonopulseCluster, Params, parameter
 from rf_pointing.tracking.beam_fit import beam_design, fit_beam, is_singular, least_spread_rad, rank_reason
 from rf_pointing.tracking.monopulse import (
     CURVES,

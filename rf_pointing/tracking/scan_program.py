@@ -18,8 +18,7 @@ from itertools import accumulate
 
 import numpy as np
 
-from rf_pointing.core import Params, parameter
-from rf_pointing.core.types import Array, Pair
+from rf_pointing.core import Array, Pair, Params, parameter
 from rf_pointing.tracking.scan import Offset, growth
 from rf_pointing.tracking.search import Legs
 

@@ -17,9 +17,7 @@ from itertools import accumulate, pairwise
 
 import numpy as np
 
-from rf_pointing.core import MDEG, Params, parameter
-from rf_pointing.core.derived import BandNumbers, Rows, rounded, tuned
-from rf_pointing.core.types import Array, Pair
+from rf_pointing.core import MDEG, Array, BandNumbers, Pair, Params, Rows, parameter, rounded, tuned
 from rf_pointing.tracking.scan import Offset
 
 # Newton's method for the angle of a length begins no more than 1/250 of a turn away: its error,

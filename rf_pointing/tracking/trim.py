@@ -13,10 +13,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rf_pointing.core import MDEG, Params, SkyUncertainty, as_finite_array, parameter
+from rf_pointing.core import MDEG, Array, Params, SkyUncertainty, as_finite_array, parameter
 from rf_pointing.core.constants import EARTH_RADIUS_M
 from rf_pointing.core.kinematics import LEVEL, Kinematics
-from rf_pointing.core.types import Array
 
 # A prior that is no more than so many times too small is kept; elements of two days have that. With
 # 1.5 the 34-m antenna searched so widely on elements of a day that it held 75 of 113 s.

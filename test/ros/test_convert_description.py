@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from visualization_msgs.msg import Marker
 
-from rf_pointing.core import Target
-from rf_pointing.core.angles import unit_vector_from_azel
+from rf_pointing.core import Target, unit_vector_from_azel
 from rf_pointing.planning import HorizonMask, PassProfile
 from rf_pointing.ros import convert_description as draw
 

@@ -12,8 +12,7 @@ from typing import Protocol
 import numpy as np
 
 from rf_pointing.controllers import CommandPreprocessor, CommandPreprocessorParams, TrajectoryBuffer, TrajectorySample
-from rf_pointing.core import JointTrajectory, Motion
-from rf_pointing.core.types import Array, Pair
+from rf_pointing.core import Array, JointTrajectory, Motion, Pair
 from rf_pointing.planning import CornerPath
 from rf_pointing.servo import PlantParams
 from rf_pointing.station.antenna.loops import AxisLoops, LoopParams

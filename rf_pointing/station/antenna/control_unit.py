@@ -17,9 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from rf_pointing.controllers import TrajectorySample
-from rf_pointing.core import AXES, JointReading, JointTrajectory
+from rf_pointing.core import AXES, Array, JointReading, JointTrajectory, Pair
 from rf_pointing.core.modes import antenna_is
-from rf_pointing.core.types import Array, Pair
 from rf_pointing.ephemeris.solar import SunPermit
 from rf_pointing.identification import IdentificationExperiment
 from rf_pointing.servo import PlantParams

@@ -12,9 +12,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from rf_pointing.core import AXES, Boresight, JointReading, JointTrajectory
+from rf_pointing.core import AXES, Array, Boresight, JointReading, JointTrajectory, Pair
 from rf_pointing.core.signals import LONGEST_GAP_S
-from rf_pointing.core.types import Array, Pair
 from rf_pointing.drives import Capabilities, Drive, DriveParams, DriveReading, Rotator
 from rf_pointing.planning import PositionLimits, PositionWatch
 from rf_pointing.servo import PlantParams

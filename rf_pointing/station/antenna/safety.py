@@ -8,9 +8,7 @@ import math
 from dataclasses import dataclass
 
 from rf_pointing.controllers import CommandPreprocessorParams
-from rf_pointing.core import Params, parameter
-from rf_pointing.core.kinematics import Kinematics
-from rf_pointing.core.types import Array, Pair
+from rf_pointing.core import Array, Kinematics, Pair, Params, parameter
 from rf_pointing.ephemeris.solar import SolarDirection, SunParams
 from rf_pointing.planning import (
     Authority,

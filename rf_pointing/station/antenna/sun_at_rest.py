@@ -11,9 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rf_pointing.core import Params, parameter
-from rf_pointing.core.dates import utc_text
-from rf_pointing.core.types import Array, Pair
+from rf_pointing.core import Array, Pair, Params, parameter, utc_text
 from rf_pointing.ephemeris.solar import PATH_STEP_S, SolarDirection
 from rf_pointing.planning import Gate
 from rf_pointing.planning.forbidden_sky import EARTH_RATE_RAD_S, angle_between

@@ -15,8 +15,7 @@ from typing import Any
 
 from rf_pointing import __version__, calibration
 from rf_pointing.calibration import AcceptanceRules, FitResult, ModelVersion, ObservationJournal, PassPriors, SectorRule
-from rf_pointing.core import MDEG, JointReading, Params, PointingError, parameter
-from rf_pointing.core.kinematics import LEVEL, Kinematics
+from rf_pointing.core import LEVEL, MDEG, JointReading, Kinematics, Params, PointingError, parameter
 from rf_pointing.station.campaign.log import CalibrationLog
 from rf_pointing.station.campaign.model_keeper import ModelKeeper, campaign_folder
 from rf_pointing.station.pointing.status import Level, Report

@@ -18,8 +18,7 @@ from rf_pointing.calibration import (
     Observations,
     Verdict,
 )
-from rf_pointing.core import MDEG
-from rf_pointing.core.kinematics import LEVEL, Kinematics
+from rf_pointing.core import LEVEL, MDEG, Kinematics
 
 
 def campaign_folder(folder: str | Path, station: str, band: str) -> Path:

@@ -32,12 +32,8 @@ from rf_pointing.calibration.outlying_passes import MEASURABLE_FROM
 from rf_pointing.calibration.pass_errors import SharedErrors, seen_from
 from rf_pointing.calibration.systematic_errors import SystematicError, WrongDataError
 from rf_pointing.calibration.terms import names_of
-from rf_pointing.core import MDEG
-from rf_pointing.core.dates import DAY_S
-from rf_pointing.core.kinematics import LEVEL, Kinematics
-from rf_pointing.core.refraction import RadioRefraction
-from rf_pointing.ephemeris import Elements, Site, find_elements
-from rf_pointing.ephemeris.uncertainty import ElementUncertainty
+from rf_pointing.core import DAY_S, LEVEL, MDEG, Kinematics, RadioRefraction
+from rf_pointing.ephemeris import Elements, ElementUncertainty, Site, find_elements
 from rf_pointing.station.campaign.log import priors_near
 from rf_pointing.station.campaign.wrong_causes import cause_of
 

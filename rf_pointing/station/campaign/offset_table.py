@@ -19,10 +19,7 @@ from typing import Literal
 import numpy as np
 
 from rf_pointing.calibration import Observations
-from rf_pointing.core.checks import is_number
-from rf_pointing.core.dates import parse_utc
-from rf_pointing.core.refraction import RadioRefraction
-from rf_pointing.core.types import Array
+from rf_pointing.core import Array, RadioRefraction, is_number, parse_utc
 from rf_pointing.core.whole_file import DATA_BYTES, read_whole
 from rf_pointing.ephemeris import Elements, Site, TargetSource, TopocentricTrack, find_elements
 from rf_pointing.ephemeris.source import body_of

@@ -13,11 +13,8 @@ import numpy as np
 
 from rf_pointing.calibration import CandidatePass, ReferenceTrack
 from rf_pointing.calibration.reference import COLUMNS
-from rf_pointing.core import MDEG, Params, parameter
+from rf_pointing.core import LEVEL, MDEG, Kinematics, Pair, Params, RadioRefraction, parameter
 from rf_pointing.core.constants import EARTH_MU_M3_S2, EARTH_RADIUS_M
-from rf_pointing.core.kinematics import LEVEL, Kinematics
-from rf_pointing.core.refraction import RadioRefraction
-from rf_pointing.core.types import Pair
 from rf_pointing.ephemeris import Elements, Pass, Site, TopocentricTrack, find_passes
 
 # The pass is followed from lower than its points: the search needs time before the first one.

@@ -20,9 +20,7 @@ from rf_pointing.calibration import (
     plan_campaign,
     read_model,
 )
-from rf_pointing.core import Params, parameter
-from rf_pointing.core.dates import utc_text
-from rf_pointing.core.types import IntArray
+from rf_pointing.core import IntArray, Params, parameter, utc_text
 from rf_pointing.ephemeris import Elements, Pass
 from rf_pointing.station.campaign.calibrator import journal_of
 from rf_pointing.station.campaign.log import CalibrationLog

@@ -18,10 +18,9 @@ from typing import Any, Literal
 import numpy as np
 
 from rf_pointing.calibration import TrackedPass
-from rf_pointing.core import angular_distance_rad, unit_vector_from_azel, wrap_rad
+from rf_pointing.core import Array, angular_distance_rad, unit_vector_from_azel, wrap_rad
 from rf_pointing.core.constants import EARTH_RADIUS_M
 from rf_pointing.core.refraction import RadioRefraction
-from rf_pointing.core.types import Array
 from rf_pointing.ephemeris import Elements, Site, TopocentricTrack, find_elements
 from rf_pointing.ephemeris.time_scales import TAI_MINUS_GPS_S, TT_MINUS_TAI_S, leap_seconds
 

@@ -13,10 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from rf_pointing.core import Params, leaves, parameter, with_leaves
-from rf_pointing.core.checks import one_of
-from rf_pointing.core.dates import utc_text
-from rf_pointing.core.kinematics import LEVEL
+from rf_pointing.core import LEVEL, Params, leaves, one_of, parameter, utc_text, with_leaves
 from rf_pointing.core.whole_file import read_whole
 from rf_pointing.ephemeris.solar import SolarDirection, SunParams
 from rf_pointing.ephemeris.target_offsets import TargetOffsets

@@ -11,10 +11,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 from rf_pointing.calibration import BiasModel
-from rf_pointing.core import JointReading, JointTrajectory
-from rf_pointing.core.dates import utc_text
-from rf_pointing.core.pass_outcome import SCANNED
-from rf_pointing.core.signals import DESIGNATED
+from rf_pointing.core import DESIGNATED, SCANNED, JointReading, JointTrajectory, utc_text
 from rf_pointing.ephemeris import Pass
 from rf_pointing.planning import Certificate
 from rf_pointing.station.pointing.certificates import StoreParams, store_certificate

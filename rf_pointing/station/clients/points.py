@@ -31,10 +31,8 @@ from rf_pointing.core import (
     unit_vector_from_azel,
 )
 from rf_pointing.core.types import TURN, Array, Pair
-from rf_pointing.ephemeris import CatalogueSky, Site
+from rf_pointing.ephemeris import CatalogueSky, Site, StateVector, load_catalogue
 from rf_pointing.ephemeris.look_angles import angles_and_rates
-from rf_pointing.ephemeris.source import load_catalogue
-from rf_pointing.ephemeris.state_vector import StateVector
 from rf_pointing.planning import AxisLimits, HorizonMask, choose_turns
 from rf_pointing.station.pointing.params import ControllerParams
 from rf_pointing.station.pointing.prediction import axis_motion

@@ -7,8 +7,7 @@ memory than it needs.
 from collections.abc import Callable, Mapping
 from functools import cache
 
-from rf_pointing.core.derived import Rows, Value, rounded, tuned
-from rf_pointing.core.modes import Sensor
+from rf_pointing.core import Rows, Sensor, Value, rounded, tuned
 from rf_pointing.planning.horizon import HorizonMask
 from rf_pointing.station import parameters as own
 from rf_pointing.station.derive.band import Band, Derived, pass_elevation_deg

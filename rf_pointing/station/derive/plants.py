@@ -20,8 +20,7 @@ from dataclasses import dataclass
 
 from rf_pointing.controllers import PositionLoopParams, dss13_loops
 from rf_pointing.controllers.position_loop import FEEDFORWARD_LAG_S
-from rf_pointing.core import AXES, leaves
-from rf_pointing.core.derived import Rows, Value, tuned
+from rf_pointing.core import AXES, Rows, Value, leaves, tuned
 from rf_pointing.servo import AxisParams, PlantParams, dss13_plant
 from rf_pointing.station.antenna.loops import closed_loop_pole
 from rf_pointing.station.derive.axes import preprocessor

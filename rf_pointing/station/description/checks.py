@@ -6,12 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from rf_pointing.core import Params, Sensor, leaves
-from rf_pointing.core.checks import LONGEST_NAME, brief, one_of
+from rf_pointing.core import AXES, LONGEST_NAME, Pair, Params, Sensor, brief, leaves, one_of
 from rf_pointing.core.mount_types import AZIMUTH_ELEVATION, MOUNTS
 from rf_pointing.core.parameters import flat, from_edge, with_leaves
-from rf_pointing.core.signals import AXES
-from rf_pointing.core.types import Pair
 from rf_pointing.core.whole_file import read_whole
 from rf_pointing.drives.params import DriveParams
 from rf_pointing.drives.protocols import turns_azimuth_alone

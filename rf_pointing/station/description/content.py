@@ -9,11 +9,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
-from rf_pointing.core import parameter
+from rf_pointing.core import AXES, Pair, flat, parameter
 from rf_pointing.core.mount_types import AZIMUTH_ELEVATION, LOWER_AXES, MOUNTS, MountType
-from rf_pointing.core.parameters import flat
-from rf_pointing.core.signals import AXES
-from rf_pointing.core.types import Pair
 from rf_pointing.tracking.sensors import SENSORS
 
 VERSION = 1

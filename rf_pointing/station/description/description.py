@@ -7,12 +7,8 @@ from functools import cache, cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rf_pointing.core import require_choice
-from rf_pointing.core.derived import Value
-from rf_pointing.core.modes import Sensor
+from rf_pointing.core import STANDBY_ROLE, Sensor, Value, flat, leaves, require_choice
 from rf_pointing.core.mount_types import AZIMUTH_ELEVATION
-from rf_pointing.core.parameters import flat, leaves
-from rf_pointing.core.signals import STANDBY_ROLE
 from rf_pointing.core.whole_file import read_whole
 from rf_pointing.station.derive.band import Band, Derived, site_of
 from rf_pointing.station.derive.nodes import NODES, reference

@@ -21,9 +21,8 @@ from xml.etree import ElementTree
 
 import numpy as np
 
+from rf_pointing.core import AXES, BASE, BEAM, Array
 from rf_pointing.core.kinematics import UP, Kinematics, Turn
-from rf_pointing.core.signals import AXES, BASE, BEAM
-from rf_pointing.core.types import Array
 from rf_pointing.station.derive.axes import kinematics_of
 from rf_pointing.station.derive.band import BEAM_FACTOR_DEG, Band
 from rf_pointing.station.description.description import StationDescription

@@ -21,12 +21,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from rf_pointing.core import AXES, JointReading, Params, angular_distance_rad, parameter
+from rf_pointing.core import AXES, Array, JointReading, Params, angular_distance_rad, parameter
 from rf_pointing.core.angles import separation_rad
 from rf_pointing.core.modes import antenna_is
 from rf_pointing.core.pass_outcome import OF_ANTENNA
 from rf_pointing.core.signals import TimeBuffer
-from rf_pointing.core.types import Array
 
 UNREAD_S = 0.2
 """Readings further apart than this say nothing about a frozen encoder."""

@@ -11,8 +11,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.core import JointReading, JointTrajectory, Motion, Quintic
-from rf_pointing.core.types import Array, BoolArray
+from rf_pointing.core import Array, BoolArray, JointReading, JointTrajectory, Motion, Quintic
 from rf_pointing.planning import Branch, plunged, unplunged
 
 # Over the top the elevation axis turns the other way for the same motion on the sky.

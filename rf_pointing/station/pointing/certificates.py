@@ -13,11 +13,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rf_pointing.calibration import BiasModel, LagHistory, without_lags
-from rf_pointing.core import Motion, Params, gaussian_gain, parameter
-from rf_pointing.core.checks import LONGEST_NAME
+from rf_pointing.core import LONGEST_NAME, Array, Motion, Pair, Params, gaussian_gain, parameter
 from rf_pointing.core.kinematics import LEVEL, Kinematics
 from rf_pointing.core.refraction import RadioRefraction
-from rf_pointing.core.types import Array, Pair
 from rf_pointing.core.whole_file import write_whole
 from rf_pointing.ephemeris import ElementUncertainty, Pass, Site, TopocentricTrack, sky_uncertainty, sun
 from rf_pointing.planning import (

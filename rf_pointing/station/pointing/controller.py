@@ -23,8 +23,7 @@ from rf_pointing.calibration import BiasModel
 from rf_pointing.core import JointReading, JointTrajectory, Mode, PointingError, Sensor, Target, require_choice
 from rf_pointing.core.kinematics import LEVEL
 from rf_pointing.core.pass_outcome import LOSS_OF_SIGNAL, OF_ANTENNA, SCANNED
-from rf_pointing.ephemeris import Pass
-from rf_pointing.ephemeris.solar import SolarDirection, SunPermit
+from rf_pointing.ephemeris import Pass, SolarDirection, SunPermit
 from rf_pointing.planning import PassProfile, SensorCost
 from rf_pointing.station.pointing.antenna_watch import AntennaWatch, AxisState
 from rf_pointing.station.pointing.corrections import PointingCorrections

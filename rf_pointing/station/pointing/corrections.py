@@ -17,9 +17,8 @@ from typing import Self
 import numpy as np
 
 from rf_pointing.controllers import TrackerIntegrator, TrackerIntegratorParams
-from rf_pointing.core import Mode, Motion, PointingError, Quintic, SkyUncertainty
+from rf_pointing.core import Array, BoolArray, Mode, Motion, PointingError, Quintic, SkyUncertainty
 from rf_pointing.core.signals import TimeBuffer
-from rf_pointing.core.types import Array, BoolArray
 from rf_pointing.planning import AxisRates
 from rf_pointing.station.pointing.scan_patterns import UNDERWAY_S, ScanPatterns, Scans
 from rf_pointing.tracking import AutotrackState, SkyMotion, TrackPath, TrimFilter, TrimParams, direction_rows, prior_for

@@ -10,8 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from rf_pointing.core import Mode, PointingError, Sensor, require_choice
-from rf_pointing.core.types import Array, Pair
+from rf_pointing.core import Array, Mode, Pair, PointingError, Sensor, require_choice
 from rf_pointing.ephemeris import Pass
 from rf_pointing.planning import PassProfile
 from rf_pointing.rf import LinkParams

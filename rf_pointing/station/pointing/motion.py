@@ -13,9 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rf_pointing.calibration import BiasModel, LagHistory, LagState
-from rf_pointing.core import JointReading, JointTrajectory, Motion
+from rf_pointing.core import Array, JointReading, JointTrajectory, Motion, Pair
 from rf_pointing.core.signals import BeamPosition, TimeBuffer
-from rf_pointing.core.types import Array, Pair
 from rf_pointing.ephemeris import Pass
 from rf_pointing.station.pointing.corrections import PointingCorrections, added
 from rf_pointing.station.pointing.params import PointingParams

@@ -19,10 +19,7 @@ from enum import StrEnum
 
 import numpy as np
 
-from rf_pointing.core import MU
-from rf_pointing.core.dates import DAY_S
-from rf_pointing.core.refraction import RadioRefraction
-from rf_pointing.core.types import Array, Pair
+from rf_pointing.core import DAY_S, MU, Array, Pair, RadioRefraction
 from rf_pointing.ephemeris import (
     CataloguePass,
     Elements,

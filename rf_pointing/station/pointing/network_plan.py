@@ -16,8 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rf_pointing.core.dates import DAY_S
-from rf_pointing.core.types import Array, Pair
+from rf_pointing.core import DAY_S, Array, Pair
 from rf_pointing.ephemeris import CataloguePass
 from rf_pointing.planning import Candidate
 from rf_pointing.planning.network import Option, Owed, Programme

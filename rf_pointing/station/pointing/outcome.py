@@ -17,9 +17,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from rf_pointing.core import PointingError
+from rf_pointing.core import Array, Pair, PointingError
 from rf_pointing.core.pass_outcome import PassOutcome, error_of_power_rad, is_held
-from rf_pointing.core.types import Array, Pair
 from rf_pointing.station.pointing.antenna_watch import AxisState
 from rf_pointing.tracking.sensors import NO_SENSOR, SENSORS
 

@@ -8,8 +8,7 @@ import math
 from dataclasses import dataclass
 
 from rf_pointing.controllers import TrackerIntegratorParams
-from rf_pointing.core import Params, parameter
-from rf_pointing.core.kinematics import Kinematics
+from rf_pointing.core import Kinematics, Params, parameter
 from rf_pointing.ephemeris.solar import SunParams
 from rf_pointing.planning import AxisLimits, GateParams, HorizonMask, MachineParams
 from rf_pointing.rf import LinkParams

@@ -9,12 +9,9 @@ import numpy as np
 
 from rf_pointing.calibration import BiasModel
 from rf_pointing.controllers import CommandPreprocessor, CommandPreprocessorParams
-from rf_pointing.core import JointReading, Motion, nearest_turn_rad
+from rf_pointing.core import DESIGNATED, Array, JointReading, Motion, Pair, nearest_turn_rad
 from rf_pointing.core.kinematics import LEVEL, Kinematics
-from rf_pointing.core.signals import DESIGNATED
-from rf_pointing.core.types import Array, Pair
-from rf_pointing.ephemeris import Pass
-from rf_pointing.ephemeris.solar import SolarDirection, SunPermit
+from rf_pointing.ephemeris import Pass, SolarDirection, SunPermit
 from rf_pointing.planning import (
     AxisLimits,
     Branch,

@@ -9,9 +9,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from rf_pointing import ephemeris
-from rf_pointing.core import HeldDirection, Params, SkyUncertainty, Target, parameter
+from rf_pointing.core import HeldDirection, Params, SkyUncertainty, Target, leaves, parameter
 from rf_pointing.core.dates import DAY_S, utc_text
-from rf_pointing.core.parameters import leaves
 from rf_pointing.core.signals import DESIGNATED
 from rf_pointing.ephemeris import (
     ElementUncertainty,

@@ -10,9 +10,7 @@ import math
 import numpy as np
 
 from rf_pointing.controllers import TrackerIntegratorParams
-from rf_pointing.core import MU, Mode, Motion, random_stream
-from rf_pointing.core.pass_outcome import received_power
-from rf_pointing.core.types import Array, Pair
+from rf_pointing.core import MU, Array, Mode, Motion, Pair, random_stream, received_power
 from rf_pointing.planning import AxisRates, SensorCost
 from rf_pointing.rf.dish_array import DishArrayParams, direction_sigmas_rad
 from rf_pointing.tracking import (

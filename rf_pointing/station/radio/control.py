@@ -8,8 +8,7 @@ at its microphone, is unkeyed with the next step or message that brings the reas
 import math
 from collections.abc import Callable
 
-from rf_pointing.core import Target
-from rf_pointing.core.types import Pair
+from rf_pointing.core import Pair, Target
 from rf_pointing.drives.line_server import INVALID, IO_ERROR, REJECTED, Inquiry, LineServer
 from rf_pointing.drives.params import LinkParams
 from rf_pointing.drives.rigctld import RECEIVE, TRANSMIT, RadioView, Rig

@@ -11,10 +11,7 @@ from dataclasses import dataclass, field
 
 import serial
 
-from rf_pointing.core import Mode, Params, parameter
-from rf_pointing.core.kinematics import LEVEL, Kinematics
-from rf_pointing.core.pass_outcome import OF_ANTENNA
-from rf_pointing.core.types import Pair
+from rf_pointing.core import LEVEL, OF_ANTENNA, Kinematics, Mode, Pair, Params, parameter
 from rf_pointing.operations.partners import CONTACT_S
 from rf_pointing.planning.forbidden_sky import ForbiddenSky
 from rf_pointing.station.description.content import RadioSection

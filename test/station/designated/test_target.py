@@ -10,8 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rf_pointing.core import JointReading
-from rf_pointing.core.pass_outcome import LOSS_OF_SIGNAL
+from rf_pointing.core import LOSS_OF_SIGNAL, JointReading
 from rf_pointing.designate import Report
 from rf_pointing.ephemeris import SITES, Site
 from rf_pointing.planning import AxisLimits, HorizonMask

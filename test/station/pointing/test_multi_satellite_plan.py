@@ -13,8 +13,7 @@ from hypothesis import strategies as st
 from rf_pointing import planning
 from rf_pointing.api.plan import table_text
 from rf_pointing.calibration import BiasModel
-from rf_pointing.core import MU
-from rf_pointing.core.constants import EARTH_MU_M3_S2
+from rf_pointing.core import EARTH_MU_M3_S2, MU
 from rf_pointing.ephemeris import Elements, ElementUncertainty, TopocentricTrack, find_passes, moon, site
 from rf_pointing.planning import HorizonMask
 from rf_pointing.station.pointing.certificates import PlanningRules, planned_certificate

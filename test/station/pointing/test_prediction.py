@@ -13,8 +13,7 @@ import pytest
 from rf_pointing.calibration import BiasModel, without_lags
 from rf_pointing.core import JointReading, Motion, Target, nearest_turn_rad
 from rf_pointing.ephemeris import Pass, TopocentricTrack
-from rf_pointing.planning import plunged
-from rf_pointing.planning.profile import PassProfile
+from rf_pointing.planning import PassProfile, plunged
 from rf_pointing.station.antenna.mount import MountParams, RateAverage
 from rf_pointing.station.pointing.branch import TrackingBranch
 from rf_pointing.station.pointing.prediction import KEPT_S, Prediction, TargetBuffer, axis_motion

@@ -5,8 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from rf_pointing.core import MDEG, Mode, random_stream
-from rf_pointing.core.pass_outcome import received_power
+from rf_pointing.core import MDEG, Mode, random_stream, received_power
 from rf_pointing.ephemeris import ElementUncertainty, Pass, TopocentricTrack
 from rf_pointing.planning import PassProfile
 from rf_pointing.station.pointing.certificates import pass_profile
