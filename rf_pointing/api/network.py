@@ -20,8 +20,7 @@ from rf_pointing.api.keywords import angle_rad, span_s, time_s
 from rf_pointing.api.plan import Plan, row_values
 from rf_pointing.api.station import Station, begin_of_plan
 from rf_pointing.api.target import MAX_AGE_S, Target
-from rf_pointing.core import DAY_S, id_of, one_of, parse_utc, utc_text
-from rf_pointing.core.whole_file import parse_json, read_whole
+from rf_pointing.core import DAY_S, id_of, one_of, parse_json, parse_utc, read_whole, utc_text
 from rf_pointing.ephemeris import CataloguePass
 from rf_pointing.operations.pass_list import read_passes, table_of, to_calendar
 from rf_pointing.operations.schedule import BetweenParams

@@ -15,8 +15,7 @@ from rf_pointing.api.keywords import time_s
 from rf_pointing.api.station import Station
 from rf_pointing.api.target import MAX_AGE_S, Target
 from rf_pointing.calibration import TrackedPass
-from rf_pointing.core import MDEG, Array, RadioRefraction, to_utc_text
-from rf_pointing.core.whole_file import write_whole
+from rf_pointing.core import MDEG, Array, RadioRefraction, to_utc_text, write_whole
 from rf_pointing.ephemeris import Elements, ElementUncertainty, OemTarget, leap_seconds, oem_text
 from rf_pointing.ephemeris.element_messages import omm_text
 from rf_pointing.ephemeris.oem import OemSegment, StateCovariance

@@ -15,9 +15,8 @@ from pathlib import Path
 import numpy as np
 
 from rf_pointing.calibration.raw_tracking import RawTracking
-from rf_pointing.core.dates import from_utc_text, to_utc_text
+from rf_pointing.core import DATA_BYTES, from_utc_text, read_whole, to_utc_text, write_whole
 from rf_pointing.core.kvn import key_and_value
-from rf_pointing.core.whole_file import DATA_BYTES, read_whole, write_whole
 
 
 def _keywords(text: str, numbered: tuple[str, ...]) -> frozenset[str]:

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
         id_of,
         is_number,
         name_of,
+        names_in,
         one_of,
         require_between,
         require_choice,
@@ -31,7 +32,7 @@ if TYPE_CHECKING:
         require_name,
     )
     from rf_pointing.core.constants import EARTH_MU_M3_S2, EARTH_RADIUS_M, MU, SPEED_OF_LIGHT_M_S
-    from rf_pointing.core.dates import DAY_S, parse_utc, to_utc_text, utc_text
+    from rf_pointing.core.dates import DAY_S, from_utc_text, parse_utc, to_utc_text, utc_text
     from rf_pointing.core.derived import BandNumbers, Rows, Value, rounded, tuned
     from rf_pointing.core.hermite import Motion, Quintic
     from rf_pointing.core.kinematics import LEVEL, UP, Kinematics
@@ -80,5 +81,14 @@ if TYPE_CHECKING:
         Target,
     )
     from rf_pointing.core.types import TURN, Array, BoolArray, ComplexArray, IntArray, Pair
+    from rf_pointing.core.whole_file import (
+        DATA_BYTES,
+        JOURNAL_BYTES,
+        KeptState,
+        parse_json,
+        parse_yaml,
+        read_whole,
+        write_whole,
+    )
 
 __getattr__ = lazily(__name__, __file__)

@@ -15,8 +15,7 @@ import struct
 from collections.abc import Iterator
 from typing import Any, TypeVar
 
-from rf_pointing.core.checks import is_number, name_of
-from rf_pointing.core.whole_file import parse_json
+from rf_pointing.core import is_number, name_of, parse_json
 from rf_pointing.designate.report import Report, ReportNoise
 
 Velocity = tuple[float, float, float]

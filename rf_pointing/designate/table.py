@@ -15,8 +15,7 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from rf_pointing.core import Array, parse_utc
-from rf_pointing.core.whole_file import DATA_BYTES, read_whole
+from rf_pointing.core import DATA_BYTES, Array, parse_utc, read_whole
 from rf_pointing.designate.report import Report, ReportNoise
 from rf_pointing.ephemeris import Site, StateVector
 

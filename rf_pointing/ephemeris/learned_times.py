@@ -18,8 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from rf_pointing.core import DAY_S, Array, HeldDirection, Pair
-from rf_pointing.core.whole_file import KeptState
+from rf_pointing.core import DAY_S, Array, HeldDirection, KeptState, Pair
 from rf_pointing.ephemeris.elements import Elements
 from rf_pointing.ephemeris.state_vector import norm
 from rf_pointing.ephemeris.track import TopocentricTrack

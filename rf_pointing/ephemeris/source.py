@@ -11,8 +11,7 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache, partial
 from pathlib import Path
 
-from rf_pointing.core import DAY_S, RadioRefraction, parameter
-from rf_pointing.core.whole_file import KeptState
+from rf_pointing.core import DAY_S, KeptState, RadioRefraction, parameter
 from rf_pointing.ephemeris import celestial
 from rf_pointing.ephemeris.element_files import element_files, version_of
 from rf_pointing.ephemeris.elements import Elements, find_elements

@@ -14,8 +14,7 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
-from rf_pointing.core import Params, parameter, require_choice, require_id
-from rf_pointing.core.whole_file import KeptState
+from rf_pointing.core import KeptState, Params, parameter, require_choice, require_id
 from rf_pointing.ephemeris.look_angles import moved_about, moved_across, moved_towards
 from rf_pointing.ephemeris.sites import Site
 from rf_pointing.ephemeris.state_vector import StateVector

@@ -16,8 +16,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
-from rf_pointing.core import brief, id_of, is_number, parse_utc, utc_text
-from rf_pointing.core.whole_file import parse_json
+from rf_pointing.core import brief, id_of, is_number, parse_json, parse_utc, utc_text
 from rf_pointing.operations.schedule import MOST_PASSES, ScheduledPass, require_each_once
 
 _PLANNED = ("", "tracked")

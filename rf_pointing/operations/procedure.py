@@ -30,8 +30,7 @@ from dataclasses import dataclass
 from graphlib import CycleError, TopologicalSorter
 from typing import Any
 
-from rf_pointing.core.checks import is_number, names_in, require_choice
-from rf_pointing.core.whole_file import parse_yaml
+from rf_pointing.core import is_number, names_in, parse_yaml, require_choice
 from rf_pointing.operations.expected_state import Condition, ExpectedState, read_conditions
 
 _PLACE = re.compile(r"^\$\{([A-Za-z_][\w.]*)\}$")

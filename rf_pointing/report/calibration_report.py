@@ -9,8 +9,7 @@ import numpy as np
 from rf_pointing.calibration import FitResult, Observations, SectorRule, StageReport, warnings_of
 from rf_pointing.calibration.coverage import on_the_sky
 from rf_pointing.calibration.terms import ALL_TERMS
-from rf_pointing.core import MDEG, Array, BoolArray, to_utc_text
-from rf_pointing.core.whole_file import write_whole
+from rf_pointing.core import MDEG, Array, BoolArray, to_utc_text, write_whole
 from rf_pointing.report.html import Cell, render
 from rf_pointing.report.picture_style import AXIS_COLOURS, LIMIT_COLOUR, figure, legend_above
 

@@ -13,8 +13,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-from rf_pointing.core.dates import utc_text
-from rf_pointing.core.whole_file import DATA_BYTES, parse_json, read_whole, write_whole
+from rf_pointing.core import DATA_BYTES, parse_json, read_whole, utc_text, write_whole
 from rf_pointing.operations.alarms import AlarmBook
 from rf_pointing.operations.pass_work import PassRecord, causes_between, clock_text, filler_text, fillers_of
 from rf_pointing.report.error_ledger import shorts

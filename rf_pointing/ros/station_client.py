@@ -29,8 +29,7 @@ from rf_pointing_msgs.msg import AntennaStatus, ExecutiveStatus, PassList, Sched
 from rf_pointing_msgs.srv import ChangeSchedule, GoTo, Jog, Named, PermitSun, SelectTarget
 from std_srvs.srv import Trigger
 
-from rf_pointing.core import leaves, utc_text
-from rf_pointing.core.whole_file import JOURNAL_BYTES, read_whole
+from rf_pointing.core import JOURNAL_BYTES, leaves, read_whole, utc_text
 from rf_pointing.ephemeris.target_offsets import TargetOffsets
 from rf_pointing.operations.pass_list import read_passes
 from rf_pointing.ros.command_key import CommandKey, CommandKeyParams

@@ -17,8 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from rf_pointing.core.dates import utc_text
-from rf_pointing.core.whole_file import parse_json, read_whole, write_whole
+from rf_pointing.core import parse_json, read_whole, utc_text, write_whole
 from rf_pointing.ros.graph import APART, EXECUTIVE, MOVES
 from rf_pointing.ros.launching import Process
 from rf_pointing.ros.main_loop import RESTART_S, present_holder

@@ -19,8 +19,7 @@ from typing import Literal
 import numpy as np
 
 from rf_pointing.calibration import Observations
-from rf_pointing.core import Array, RadioRefraction, is_number, parse_utc
-from rf_pointing.core.whole_file import DATA_BYTES, read_whole
+from rf_pointing.core import DATA_BYTES, Array, RadioRefraction, is_number, parse_utc, read_whole
 from rf_pointing.ephemeris import Elements, Site, TargetSource, TopocentricTrack, find_elements
 from rf_pointing.ephemeris.source import body_of
 

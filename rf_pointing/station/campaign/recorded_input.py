@@ -17,8 +17,7 @@ from rf_pointing.calibration import (
     require_derivatives,
     split_passes,
 )
-from rf_pointing.core import LEVEL, Kinematics, RadioRefraction
-from rf_pointing.core.whole_file import JOURNAL_BYTES, read_whole
+from rf_pointing.core import JOURNAL_BYTES, LEVEL, Kinematics, RadioRefraction, read_whole
 from rf_pointing.ephemeris import Elements, Site, TopocentricTrack, find_elements
 
 REFERENCE_STEP_S = 2.0

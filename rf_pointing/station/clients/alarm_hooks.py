@@ -22,8 +22,7 @@ from email.utils import getaddresses
 from pathlib import Path
 from urllib.parse import urlsplit
 
-from rf_pointing.core import Params, parameter
-from rf_pointing.core.whole_file import read_whole
+from rf_pointing.core import Params, parameter, read_whole
 from rf_pointing.station.pointing.status import Level, Report
 
 TRIES = 3

@@ -11,8 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from rf_pointing.core import Params, parameter, require_choice
-from rf_pointing.core.whole_file import KeptState
+from rf_pointing.core import KeptState, Params, parameter, require_choice
 from rf_pointing.operations import AlarmParams, BetweenParams
 from rf_pointing.operations.dictionary import read_tables
 from rf_pointing.operations.executor import block_text

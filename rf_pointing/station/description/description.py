@@ -7,9 +7,8 @@ from functools import cache, cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rf_pointing.core import STANDBY_ROLE, Sensor, Value, flat, leaves, require_choice
+from rf_pointing.core import STANDBY_ROLE, Sensor, Value, flat, leaves, read_whole, require_choice
 from rf_pointing.core.mount_types import AZIMUTH_ELEVATION
-from rf_pointing.core.whole_file import read_whole
 from rf_pointing.station.derive.band import Band, Derived, site_of
 from rf_pointing.station.derive.nodes import NODES, reference
 from rf_pointing.station.description.content import Content

@@ -18,9 +18,8 @@ from typing import Any
 
 import numpy as np
 
-from rf_pointing.core import Array, Pair, Params, angular_distance_rad, parameter
+from rf_pointing.core import Array, KeptState, Pair, Params, angular_distance_rad, parameter
 from rf_pointing.core.dates import DAY_S as DAY_LENGTH_S
-from rf_pointing.core.whole_file import KeptState
 from rf_pointing.station.service.sidereal import Sample, SiderealMotion
 
 # Times at which a resting place is tried: close together at first, for fast targets.
