@@ -241,13 +241,9 @@ OURS = [(page, *program_of(command)) for page in PAGES for command in command_li
      for each in OURS if each[1] not in ("", "NAME")],
 )  # fmt: skip
 def test_a_command_line_is_one_that_its_program_takes(
-    page: Path,
-    name: str,
-    arguments: list[str],
-    monkeypatch: pytest.MonkeyPatch,
-    tmp_path: Path,
+    page: Path, name: str, arguments: list[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
-) -> None:
+) -> None:  # fmt: skip
     assert name in executables(), page
     if ".nodes." in executables()[name] or arguments == ["--help"]:
         return

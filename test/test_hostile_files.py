@@ -19,10 +19,9 @@ from rf_pointing.controllers import load_lqg_designs
 from rf_pointing.core.parameters import read_parameter_files
 from rf_pointing.ephemeris import find_elements, read_elements, tle_lines, verification_elements
 from rf_pointing.ephemeris.source import SourceParams, load_target
-from rf_pointing.operations import AlarmParams
+from rf_pointing.operations import AlarmParams, read_procedure
 from rf_pointing.operations.dictionary import TABLES, read_directives, read_tables
 from rf_pointing.operations.pass_list import read_passes, row_of, to_calendar, to_csv, to_json
-from rf_pointing.operations.procedure import read_procedure
 from rf_pointing.operations.recovery import read_table
 from rf_pointing.station.description.description import STATIONS, read_station, station_from
 from rf_pointing.tracking.cluster_tracker import read_calibration
@@ -36,24 +35,18 @@ def _elements(path: Path) -> Any:
 
 
 READERS: dict[str, Callable[[Path], Any]] = {
-    "tracking.csv": read_tracking,
-    "points.csv": read_observations,
-    "pass.tdm": read_tdm,
-    "model.yaml": read_model,
-    "model.json": read_model,
-    "station.yaml": lambda path: read_parameter_files([path]),
-    "designs.json": load_lqg_designs,
-    "feed.yaml": read_calibration,
-    "elements": _elements,
+    "tracking.csv": read_tracking, "points.csv": read_observations, "pass.tdm": read_tdm,
+    "model.yaml": read_model, "model.json": read_model,
+    "station.yaml": lambda path: read_parameter_files([path]), "designs.json": load_lqg_designs,
+    "feed.yaml": read_calibration, "elements": _elements,
     "horizon.txt": lambda path: station_from(
         path.with_name("s.yaml"), DISH.replace("horizon_deg:", "horizon_file: horizon.txt #")
     ),
-    "dish.yaml": read_station,
-    "satellites": lambda path: satellites("", [str(path)]),
+    "dish.yaml": read_station, "satellites": lambda path: satellites("", [str(path)]),
     "directives.yaml": lambda path: read_tables(AlarmParams(), directives=str(path)),
     "procedure.yaml": lambda path: read_tables(AlarmParams(), procedure=str(path)),
     "recovery.yaml": lambda path: read_tables(AlarmParams(), recovery=str(path)),
-}
+}  # fmt: skip
 CONTENTS = {
     "empty": b"",
     "deep": b"[" * 200_000,
@@ -127,22 +120,9 @@ VALUES = (
     math.nan, 10**400, 10**30, "1e400", "2026-01-01T00:00:00Z", "0001-01-01T00:00:00+14:00",
 )  # fmt: skip
 SIGNS = (
-    "\r",
-    ",",
-    '"',
-    "\n",
-    ":",
-    "[",
-    "{",
-    "&a ",
-    "*a",
-    "- ",
-    "!!int ",
-    "\0",
-    "\u2028",
-    "BEGIN:VEVENT\r\n",
-    ";TZID=X:",
-)
+    "\r", ",", '"', "\n", ":", "[", "{", "&a ", "*a", "- ", "!!int ", "\0", "\u2028",
+    "BEGIN:VEVENT\r\n", ";TZID=X:",
+)  # fmt: skip
 
 
 def _changed(value: Any, random: Random, chance: float) -> Any:

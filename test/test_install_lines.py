@@ -55,25 +55,18 @@ def rosdep(workspace: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[st
     folder = tmp_path_factory.mktemp("rosdep")
     keys = yaml.safe_load((ROOT / "test/data/rosdep_noble.yaml").read_text())
     distribution = {
-        "release_platforms": {"ubuntu": ["noble"]},
-        "repositories": {},
-        "type": "distribution",
+        "release_platforms": {"ubuntu": ["noble"]}, "repositories": {}, "type": "distribution",
         "version": 2,
-    }
+    }  # fmt: skip
     jazzy = {
         "distribution": [f"file://{folder}/distribution.yaml"],
-        "distribution_cache": f"file://{folder}/cache.yaml",
-        "distribution_status": "active",
-        "distribution_type": "ros2",
-        "python_version": 3,
-    }
+        "distribution_cache": f"file://{folder}/cache.yaml", "distribution_status": "active",
+        "distribution_type": "ros2", "python_version": 3,
+    }  # fmt: skip
     cache = {
-        "distribution_file": [distribution],
-        "name": "jazzy",
-        "release_package_xmls": {},
-        "type": "cache",
-        "version": 2,
-    }
+        "distribution_file": [distribution], "name": "jazzy", "release_package_xmls": {},
+        "type": "cache", "version": 2,
+    }  # fmt: skip
     for name, content in {
         "keys.yaml": {key: {"ubuntu": {"noble": [package]}} for key, package in keys.items()},
         "distribution.yaml": distribution,

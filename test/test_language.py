@@ -17,12 +17,10 @@ import pytest
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "rf_pointing"
 WORDS = {
-    r"told": "published, reported, given",
-    r"said": "reported, stated",
+    r"told": "published, reported, given", r"said": "reported, stated",
     r"asks|asked": "requests, requires, calls; asked for: requested",
     r"hears?|heard|hearing": "receive, received",
-    r"listens?|listened|listening": "subscribe, receive",
-    r"heeds?|heeded|heeding": "use, follow",
+    r"listens?|listened|listening": "subscribe, receive", r"heeds?|heeded|heeding": "use, follow",
     r"stood": "was, stopped, was held",
     r"(stands?|standing) (beside|for itself|as one)": "is offset by; say what is meant",
     r"beside": "offset by (a direction); with, next to (a thing); in addition to",
@@ -32,39 +30,22 @@ WORDS = {
     r"refusals?": "reason (why not); rejection (of a measurement)",
     r"whole or not at all": "as one file; all or nothing: say what is atomic",
     r"speaks? (against|for|of)|spoke|spoken": "contradict, support, describe",
-}
+}  # fmt: skip
 """Pattern of whole words, and what to write; a space matches a line break too."""
 NAMES = {
-    "AxisPath": "Prediction",
-    "Blend": "Transition",
-    "BranchCourse": "TrackingBranch",
-    "CommandIntake": "CommandHandler",
-    "Course": "SlewPath",
+    "AxisPath": "Prediction", "Blend": "Transition", "BranchCourse": "TrackingBranch",
+    "CommandIntake": "CommandHandler", "Course": "SlewPath",
     "Intake": "a name that says what is taken in and what becomes of it",
-    "ModelFile": "ModelVersion",
-    "Series": "TimeBuffer",
-    "SkyOffsets": "PointingCorrections",
-    "Tally": "PassStatistics",
-    "Way": "Path",
-    "refusal": "reason",
-    "refusals": "reasons",
-    "present_rad": "encoder_rad",
-    "used_rad": "encoder_rad",
-    "tally": "statistics",
-    "Known": "PriorKnowledge: say of what",
-    "One": "a name that says of what",
-    "Selection": "TermSelection: say of what",
-    "Table": "a name that says of what",
-    "Suspect": "SystematicError",
-    "Triangle": "NormalEquations",
-    "WORDS": "PROTOCOLS",
-    "Words": "DeviceProtocol",
-    "day_plan": "multi_satellite_plan",
-    "doubts": "outlying_passes, warnings, reasons",
-    "situation": "expected_state",
-    "suspects": "systematic_errors",
-    "triangle": "normal_equations, equations",
-}
+    "ModelFile": "ModelVersion", "Series": "TimeBuffer", "SkyOffsets": "PointingCorrections",
+    "Tally": "PassStatistics", "Way": "Path", "refusal": "reason", "refusals": "reasons",
+    "present_rad": "encoder_rad", "used_rad": "encoder_rad", "tally": "statistics",
+    "Known": "PriorKnowledge: say of what", "One": "a name that says of what",
+    "Selection": "TermSelection: say of what", "Table": "a name that says of what",
+    "Suspect": "SystematicError", "Triangle": "NormalEquations", "WORDS": "PROTOCOLS",
+    "Words": "DeviceProtocol", "day_plan": "multi_satellite_plan",
+    "doubts": "outlying_passes, warnings, reasons", "situation": "expected_state",
+    "suspects": "systematic_errors", "triangle": "normal_equations, equations",
+}  # fmt: skip
 """Names of classes, functions, arguments, variables and attributes, and what to call them."""
 NAMES_BELOW = {("ephemeris", "Motion"): "StateVector"}
 """The same for one folder: elsewhere the name is right."""
@@ -230,11 +211,9 @@ def test_words_are_found_in_docstrings_comments_and_messages_and_nowhere_else(tm
     (path := tmp_path / "sample.py").write_text(SAMPLE)
     found = [line.split(", write")[0] for line in banned_words(path)]
     assert found == [
-        "sample.py:1: 'beside'",
-        "sample.py:2: 'told'",
-        "sample.py:10: 'stood'",
+        "sample.py:1: 'beside'", "sample.py:2: 'told'", "sample.py:10: 'stood'",
         "sample.py:11: 'hangs on'",
-    ]
+    ]  # fmt: skip
 
 
 def test_names_are_found_where_they_are_defined(tmp_path: Path) -> None:
@@ -261,12 +240,9 @@ def second():
 def test_weak_sentences_are_found_and_comparisons_are_not(tmp_path: Path) -> None:
     (path := tmp_path / "sample.py").write_text(WEAK_SAMPLE)
     assert weak_sentences(path) == [
-        "sample.py:1: 'Of'",
-        "sample.py:5: 'is none'",
-        "sample.py:6: 'is no angle'",
-        "sample.py:11: 'What'",
-        "sample.py:12: '# Of'",
-    ]
+        "sample.py:1: 'Of'", "sample.py:5: 'is none'", "sample.py:6: 'is no angle'",
+        "sample.py:11: 'What'", "sample.py:12: '# Of'",
+    ]  # fmt: skip
 
 
 def test_code_in_a_document_is_not_prose(tmp_path: Path) -> None:

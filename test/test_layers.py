@@ -9,12 +9,9 @@ import pytest
 PACKAGE = Path(__file__).parents[1] / "rf_pointing"
 ARCHITECTURE = PACKAGE.parent / "docs" / "architecture.md"
 IMPORTED_AS = {
-    "erfa": "pyerfa",
-    "astropy_iers_data": "astropy-iers-data",
-    "yaml": "PyYAML",
-    "serial": "pyserial",
-    "zmq": "pyzmq",
-}
+    "erfa": "pyerfa", "astropy_iers_data": "astropy-iers-data", "yaml": "PyYAML",
+    "serial": "pyserial", "zmq": "pyzmq",
+}  # fmt: skip
 BASE = {"numpy"}
 SIBLING = BASE | {"scipy"}
 SIBLINGS = {

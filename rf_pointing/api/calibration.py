@@ -13,10 +13,8 @@ from rf_pointing import __version__, calibration
 from rf_pointing.api.station import Station
 from rf_pointing.calibration import BiasModel, FitResult, Ionosphere, ModelVersion, Observations, TrackedPass
 from rf_pointing.calibration.terms import names_of
-from rf_pointing.core.dates import DAY_S
-from rf_pointing.core.refraction import RadioRefraction
-from rf_pointing.ephemeris import Elements
-from rf_pointing.ephemeris.source import read_source
+from rf_pointing.core import DAY_S, RadioRefraction
+from rf_pointing.ephemeris import Elements, read_source
 from rf_pointing.station.campaign import offset_table, recorded_input
 from rf_pointing.station.campaign.offline_fit import FitData, FitRequest, Fitted, OfflineFit, remarks, summary
 

@@ -26,9 +26,7 @@ from rf_pointing.api.passes import StationPass
 from rf_pointing.api.simulated import CLUSTER_S
 from rf_pointing.api.station import BEFORE_S, Station
 from rf_pointing.api.target import Target
-from rf_pointing.core import MDEG, require_between
-from rf_pointing.core.dates import DAY_S, utc_text
-from rf_pointing.core.pass_outcome import PassOutcome
+from rf_pointing.core import DAY_S, MDEG, PassOutcome, require_between, utc_text
 from rf_pointing.ephemeris import Elements, ElementUncertainty, Pass, TopocentricTrack, find_passes
 from rf_pointing.simulation import StationSetup, simulate_pass
 from rf_pointing.simulation.draws import Draw
@@ -114,7 +112,7 @@ class Ensemble:
             "keyhole_s": ("lost in keyholes", 1.0, "s a pass"),
             "late_s": ("slew later than the rise", 1.0, "s a pass"),
             "motor_starts": ("starts of both motors of a rotator", 1.0, "a pass"),
-        }  # fmt: skip
+        }
         lines += [
             f"  {word:<42}{factor * found[name]:10.3f} {unit}"
             for name, (word, factor, unit) in words.items()
@@ -248,7 +246,8 @@ def _flown(fly_one: Callable[[Trial], Row], trials: Sequence[Trial], workers: in
     while waiting:
         # Not forked: a thread of a library may hold a lock at that moment.
         with ProcessPoolExecutor(
-            min(workers, len(waiting)), get_context("spawn"), _die_at_interrupt
+            # The terminal sends Ctrl-C to all processes: the first one says what is kept.
+            min(workers, len(waiting)), get_context("spawn"), signal.signal, (signal.SIGINT, signal.SIG_DFL)
         ) as pool:  # fmt: skip
             running: dict[Future[Row], int] = {pool.submit(fly_one, trials[k]): k for k in waiting}
             waiting = []
@@ -270,11 +269,6 @@ def _flown(fly_one: Callable[[Trial], Row], trials: Sequence[Trial], workers: in
         deaths += bool(waiting)
         if deaths >= ATTEMPTS:
             raise ChildProcessError(f"processes died {deaths} times in a row without flying a pass")
-
-
-def _die_at_interrupt() -> None:
-    # The terminal sends Ctrl-C to all processes: the first one says what is kept.
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 def fly(

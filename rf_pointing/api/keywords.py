@@ -2,8 +2,7 @@
 
 import math
 
-from rf_pointing.core import require_finite
-from rf_pointing.core.dates import DAY_S, parse_utc
+from rf_pointing.core import DAY_S, parse_utc, require_finite
 
 
 def angle_rad(name: str, deg: float | None, rad: float | None, default_rad: float | None = None) -> float:

@@ -22,11 +22,9 @@ from rf_pointing.api.misprediction import GROUPS, split_prediction
 from rf_pointing.api.passes import StationPass
 from rf_pointing.api.station import Station
 from rf_pointing.calibration import BiasModel
-from rf_pointing.core import AXES, MDEG, Mode, sky_offset_rad
-from rf_pointing.core.types import Array
+from rf_pointing.core import AXES, MDEG, Array, Mode, Pair, sky_offset_rad
 from rf_pointing.drives import takes_positions
-from rf_pointing.ephemeris import TopocentricTrack, sky_uncertainty
-from rf_pointing.ephemeris.source import load_track
+from rf_pointing.ephemeris import TopocentricTrack, load_track, sky_uncertainty
 from rf_pointing.report import error_ledger as rows
 from rf_pointing.report.analysis import tracking_modes
 from rf_pointing.report.error_ledger import Cause, Ledger, loss_db, shared
@@ -325,7 +323,7 @@ def _as_loud(flights: _Flights) -> _Flights:
 
 def _made(
     flights: _Flights, title: str, source: str, remarks: tuple[str, ...],
-    missed: tuple[float, float] = (0.0, 0.0),
+    missed: Pair = (0.0, 0.0),
 ) -> Ledger:  # fmt: skip
     """Return the ledger; `missed` (rad^2, dB) is what was measured beyond the first flight."""
     parts = flights.parts()

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rf_pointing.api.passes import StationPass
-from rf_pointing.core.dates import utc_text
-from rf_pointing.core.types import Array
+from rf_pointing.core import Array, utc_text
 from rf_pointing.ephemeris import TopocentricTrack
 from rf_pointing.ephemeris.celestial import CelestialTarget, moon, sun
 from rf_pointing.planning.forbidden_sky import angle_between

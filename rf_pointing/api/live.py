@@ -22,9 +22,7 @@ from rf_pointing.api.service import make_desk
 from rf_pointing.api.station import Station
 from rf_pointing.api.target import Target
 from rf_pointing.api.tuning import tune
-from rf_pointing.core import MDEG, Sensor
-from rf_pointing.core.checks import id_of
-from rf_pointing.core.dates import utc_text
+from rf_pointing.core import MDEG, Sensor, id_of, utc_text
 from rf_pointing.ephemeris import Pass, tle_lines
 from rf_pointing.identification import Recording
 from rf_pointing.identification.study import study
@@ -348,20 +346,14 @@ def run_setup(program: str, request: RunRequest, output: Path, begin_s: float, a
         parameters[node] = parameters.get(node, {}) | values
     kind |= horizon_to_notes(station.controller.mask)
     return RunSetup(
-        program=program,
-        namespace=request.namespace,
-        nodes=nodes_of(request),
+        program=program, namespace=request.namespace, nodes=nodes_of(request),
         simulated=station.simulated,
         parameter_files=(parameter_file(output, parameters), *request.parameter_files),
-        logs=output / "logs",
-        bag=request.record or output / "bag",
+        logs=output / "logs", bag=request.record or output / "bag",
         notes={"station": station.name, "band": station.band, "sensor": request.sensor, **kind},
-        punctual=ticks,
-        reset_fault=request.reset_fault,
-        begin_s=begin_s,
-        awaited=awaited,
+        punctual=ticks, reset_fault=request.reset_fault, begin_s=begin_s, awaited=awaited,
         processes=request.processes,
-    )
+    )  # fmt: skip
 
 
 def check_files(request: RunRequest) -> None:
@@ -414,11 +406,9 @@ def _parameters(request: RunRequest, output: Path) -> dict[str, dict[str, Any]]:
         "antenna.seed": seed, "command_key_file": str((output / "command.key").resolve())
     }  # fmt: skip
     own: dict[str, dict[str, Any]] = {
-        "ephemeris_publisher": source,
-        "rf_receiver": {**source, **truth, "signal.seed": seed},
+        "ephemeris_publisher": source, "rf_receiver": {**source, **truth, "signal.seed": seed},
         "signal_source": {**source, **truth, "signal.seed": seed},
-        "array_receiver": {"receiver.seed": seed},
-        "antenna_servo": kept,
+        "array_receiver": {"receiver.seed": seed}, "antenna_servo": kept,
         "pointing_controller": {
             "certificate_folder": str(output.resolve()),
             "command_key_file": kept["command_key_file"],
@@ -427,7 +417,7 @@ def _parameters(request: RunRequest, output: Path) -> dict[str, dict[str, Any]]:
             "calibrator.folder": str(Path(request.models).resolve()) if request.models else "",
             "calibrator.keep_observations": request.keep_observations,
         },
-    }
+    }  # fmt: skip
     common = {"station": str((output / "station.yaml").resolve()), "band": request.station.band}
     if isinstance(request, DesignateRequest):
         led = {name: getattr(request.params, name) for name in ("source", "target", "kind", "fused")}

@@ -15,9 +15,7 @@ import numpy as np
 
 from rf_pointing.calibration import BiasModel
 from rf_pointing.calibration.pass_errors import LOW_ORBIT_RATE_RAD_S, PassPriors, motion_partials
-from rf_pointing.core import MDEG, sky_offset_rad
-from rf_pointing.core.refraction import RadioRefraction
-from rf_pointing.core.types import Array
+from rf_pointing.core import MDEG, Array, RadioRefraction, sky_offset_rad
 from rf_pointing.ephemeris.look_angles import LookAngles
 from rf_pointing.report import error_ledger as rows
 from rf_pointing.report.replay_case import RecordedCase
@@ -53,7 +51,8 @@ def split_prediction(case: RecordedCase) -> tuple[Array, dict[str, Array], Array
     along, cross, radial = _orbit_m(case)
     priors = PassPriors(along_track_m=along, cross_track_m=cross, radial_m=radial)
     columns, expected, sigma = _columns(case, look, priors)
-    values, covariance = _fitted(columns, off, expected, sigma, t_s, inside)
+    values, covariance, _ = _solved(*_rows(columns, off, expected, t_s, inside), sigma)
+    values = expected + values
     slices = dict(zip(GROUPS, np.split(np.arange(len(columns)), np.cumsum([
         len(priors.names), len(MODEL_TERMS),
     ])), strict=True))  # fmt: skip
@@ -144,7 +143,7 @@ def _orbit_m(case: RecordedCase) -> tuple[float, float, float]:
 
 def _columns(
     case: RecordedCase, look: LookAngles, priors: PassPriors, names: Sequence[str] = MODEL_TERMS
-) -> tuple[Array, Array, Array]:  # fmt: skip
+) -> tuple[Array, Array, Array]:
     """Return partials (k, 2, n) on the sky, expected values and sizes (k,) of what may be wrong."""
     motion = (
         look.azimuth_rad, look.elevation_rad, look.azimuth_rate_rad_s, look.elevation_rate_rad_s,
@@ -175,14 +174,6 @@ def _columns(
     each_rad = model_rad / math.sqrt(len(MODEL_TERMS))
     sizes = [LAGS.get(name.partition("_")[2], each_rad) for name in names]
     return columns, expected, np.array([*priors.sigma, *sizes, REFRACTION_SIGMA])
-
-
-def _fitted(
-    columns: Array, off: Array, expected: Array, sigma: Array, t_s: Array, inside: Any
-) -> tuple[Array, Array]:  # fmt: skip
-    """Return values (k,) and covariance of columns (k, 2, n) that make `off` (n, 2)."""
-    values, covariance, _ = _solved(*_rows(columns, off, expected, t_s, inside), sigma)
-    return expected + values, covariance
 
 
 def _rows(

@@ -20,9 +20,7 @@ from rf_pointing.api.keywords import angle_rad, span_s, time_s
 from rf_pointing.api.plan import Plan, row_values
 from rf_pointing.api.station import Station, begin_of_plan
 from rf_pointing.api.target import MAX_AGE_S, Target
-from rf_pointing.core.checks import id_of, one_of
-from rf_pointing.core.dates import DAY_S, parse_utc, utc_text
-from rf_pointing.core.whole_file import parse_json, read_whole
+from rf_pointing.core import DAY_S, id_of, one_of, parse_json, parse_utc, read_whole, utc_text
 from rf_pointing.ephemeris import CataloguePass
 from rf_pointing.operations.pass_list import read_passes, table_of, to_calendar
 from rf_pointing.operations.schedule import BetweenParams
@@ -394,13 +392,11 @@ def _spans(rows: Sequence[Mapping[str, Any]], begin_s: float = -math.inf, end_s:
     """Return the contacts of rows between two times."""
     found = [
         _Span(
-            str(row["station"]),
-            str(row["name"]),
-            max(begin_s, parse_utc(str(row["aos_utc"]))),
+            str(row["station"]), str(row["name"]), max(begin_s, parse_utc(str(row["aos_utc"]))),
             min(end_s, parse_utc(str(row["los_utc"]))),
         )
         for row in rows
-    ]
+    ]  # fmt: skip
     return [one for one in found if one.aos_s < one.los_s]
 
 

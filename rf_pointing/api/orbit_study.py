@@ -11,11 +11,8 @@ import numpy as np
 from rf_pointing.api.keywords import time_s
 from rf_pointing.api.station import Station
 from rf_pointing.api.target import MAX_AGE_S, Target
-from rf_pointing.core import MDEG
-from rf_pointing.core.dates import to_utc_text
-from rf_pointing.core.types import Array
-from rf_pointing.ephemeris import Elements, Site
-from rf_pointing.ephemeris.uncertainty import ElementUncertainty
+from rf_pointing.core import MDEG, Array, to_utc_text
+from rf_pointing.ephemeris import Elements, ElementUncertainty, Site
 from rf_pointing.orbit.determination import rtn_axes
 from rf_pointing.orbit.measurements import measured_from
 from rf_pointing.orbit.passes import forces_of, motion_of_site, prior_of

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -14,16 +15,10 @@ from rf_pointing.api.keywords import time_s
 from rf_pointing.api.station import Station
 from rf_pointing.api.target import MAX_AGE_S, Target
 from rf_pointing.calibration import TrackedPass
-from rf_pointing.core import MDEG
-from rf_pointing.core.dates import to_utc_text
-from rf_pointing.core.refraction import RadioRefraction
-from rf_pointing.core.types import Array
-from rf_pointing.core.whole_file import write_whole
-from rf_pointing.ephemeris import Elements, OemTarget, oem_text
+from rf_pointing.core import MDEG, Array, RadioRefraction, to_utc_text, write_whole
+from rf_pointing.ephemeris import Elements, ElementUncertainty, OemTarget, leap_seconds, oem_text
 from rf_pointing.ephemeris.element_messages import omm_text
 from rf_pointing.ephemeris.oem import OemSegment, StateCovariance
-from rf_pointing.ephemeris.time_scales import leap_seconds
-from rf_pointing.ephemeris.uncertainty import ElementUncertainty
 from rf_pointing.orbit.determination import Dynamics, Orbits, Priors
 from rf_pointing.orbit.passes import (
     Ephemeris,
@@ -167,95 +162,32 @@ def _tai_s(t_s: Array) -> Array:
     return np.asarray(t_s + leap_seconds().tai_minus_utc_s(t_s))
 
 
-@dataclass(frozen=True, kw_only=True)
-class OrbitRequest:
-    """Input of an orbit; `orbit_from_passes` describes the fields."""
+def _read(files: DataFiles, elements: Elements, station: Station) -> Sequence[TrackedPass]:
+    """Return the passes of one file, which are of the satellite."""
+    (path,), passes = files.paths, files.read(station).passes
+    if not passes:
+        raise ValueError(f"{path} holds calibration points and no tracking data of a pass")
+    for one in passes:
+        mine = elements.name.casefold(), str(elements.catalogue_number)
+        if one.raw.target.casefold() not in mine:
+            raise ValueError(f"{path} is of {one.raw.target!r}, must be of {' or '.join(mine)}")
+    return passes
 
-    paths: Sequence[Path]
-    stations: Sequence[Station]
-    target: Target
-    manoeuvre_t_s: float | None = None
-    predict_hours: float = 24.0
-    clock_s: float = 0.01
-    bias_mdeg: float | None = None
-    max_age_s: float = MAX_AGE_S
-    refraction_removed: bool = False
-    allow_damage: bool = False
 
-    def run(self) -> DeterminedOrbit:
-        """Return the orbit; ValueError says what the passes, clocks or elements are refused for."""
-        elements = self.target.found
-        if not isinstance(elements, Elements):
-            raise ValueError(f"{elements.name} has no mean elements, which the orbit begins with")
-        tracked = [pair for path in self.paths for pair in self._read(path, elements)]
-        if not tracked:
-            raise ValueError("files=[]: no pass, must be 1 or more")
-        points, notes = [], []
-        for one, station in tracked:
-            standard = RadioRefraction.standard(station.site.altitude_m)
-            air = None if self.refraction_removed else standard
-            data, left_out = points_of(one, station.site, station.model, air)
-            points.append(data)
-            notes += [f"{data.station}: {left_out}"] if left_out else []
-        if len(points) == 1:
-            notes.append("one pass: 2 or more tell the period")
-        # The first pass can be flown again: an antenna slews before it.
-        first_s = math.floor(min(float(one.t_s[0]) for one in points)) - BEFORE_S
-        last_s = math.floor(max(float(one.t_s[-1]) for one in points))
-        refuse_leap_second(first_s, last_s + 3600.0 * self.predict_hours)
-        prior = prior_of(elements, first_s, ElementUncertainty(), self.max_age_s)
-        forces = forces_of(elements, prior.states[0])
-        dynamics = Dynamics(forces=forces, manoeuvre_t_s=self.manoeuvre_t_s)
-        found = checked_orbit(prior, points, dynamics, self._priors())
-        t_s = np.arange(first_s, last_s + 3600.0 * self.predict_hours + STEP_S, STEP_S)
-        ephemeris = Ephemeris.of(found, t_s)
-        # After a manoeuvre no elements can follow both sides of it.
-        after = t_s >= (self.manoeuvre_t_s or -math.inf)
-        places, air_factor = ephemeris.states[after, :3], float(found.values[0, 6])
-        fresh, rms_m = mean_elements(elements, float(last_s), t_s[after], places, air_factor)
-        return DeterminedOrbit(
-            fresh, rms_m, ephemeris, found, tuple(notes), elements, self.manoeuvre_t_s
-        )  # fmt: skip
+def _station_of(path: Path, stations: Sequence[Station]) -> Station:
+    if path.is_file() and path.suffix in TABULAR:
+        names = {one.station for one in recorded_input.read_raw(path, stations[0].band)}
+    else:
+        # A recording loads a ROS message library, which tables do without.
+        from rf_pointing.report.recording import read_recording
 
-    def _priors(self) -> Priors:
-        # A model leaves little, whatever the beam.
-        own = [
-            CALIBRATED_MDEG if any(one.model.coefficients.values()) else 100.0 * one.beamwidth_deg
-            for one in self.stations
-        ]  # fmt: skip
-        bias_rad = MDEG * (max(own) if self.bias_mdeg is None else self.bias_mdeg)
-        return Priors(clock_s=self.clock_s, azimuth_bias_rad=bias_rad, elevation_bias_rad=bias_rad)
-
-    def _read(self, path: Path, elements: Elements) -> list[tuple[TrackedPass, Station]]:
-        station = self._station_of(path)
-        files = DataFiles(
-            paths=[path], elements=[elements], max_age_s=self.max_age_s,
-            allow_damage=self.allow_damage,
-            refraction=None if self.refraction_removed else "standard",
-        )  # fmt: skip
-        passes = files.read(station).passes
-        if not passes:
-            raise ValueError(f"{path} holds calibration points and no tracking data of a pass")
-        for one in passes:
-            mine = elements.name.casefold(), str(elements.catalogue_number)
-            if one.raw.target.casefold() not in mine:
-                raise ValueError(f"{path} is of {one.raw.target!r}, must be of {' or '.join(mine)}")
-        return [(one, station) for one in passes]
-
-    def _station_of(self, path: Path) -> Station:
-        if path.is_file() and path.suffix in TABULAR:
-            names = {one.station for one in recorded_input.read_raw(path, self.stations[0].band)}
-        else:
-            # A recording loads a ROS message library, which tables do without.
-            from rf_pointing.report.recording import read_recording
-
-            names = {read_recording(path).notes.get("station", self.stations[0].name)}
-        mine = [one for one in self.stations if one.name in names]
-        if len(names) != 1 or not mine:
-            known = ", ".join(one.name for one in self.stations)
-            given = ", ".join(sorted(names))
-            raise ValueError(f"{path} is of station {given}, must be one of: {known}")
-        return mine[0]
+        names = {read_recording(path).notes.get("station", stations[0].name)}
+    mine = [one for one in stations if one.name in names]
+    if len(names) != 1 or not mine:
+        known = ", ".join(one.name for one in stations)
+        given = ", ".join(sorted(names))
+        raise ValueError(f"{path} is of station {given}, must be one of: {known}")
+    return mine[0]
 
 
 def orbit_from_passes(
@@ -268,7 +200,9 @@ def orbit_from_passes(
     predict_hours: float = 24.0,
     clock_s: float = 0.01,
     bias_mdeg: float | None = None,
+    max_age_s: float = MAX_AGE_S,
     refraction_removed: bool = False,
+    allow_damage: bool = False,
 ) -> DeterminedOrbit:
     """Return the orbit of a satellite from passes that stations have tracked.
 
@@ -283,7 +217,9 @@ def orbit_from_passes(
     clock_s : sigma of the stations' clocks.
     bias_mdeg : sigma of the angle biases that are left; by default 5 with a bias model, else a
         tenth of the beam.
+    max_age_s : greatest age of the elements.
     refraction_removed : the angles of CSV and TDM are free of it.
+    allow_damage : take the sound part of damaged recordings.
 
     Raises
     ------
@@ -298,8 +234,39 @@ def orbit_from_passes(
     """
     paths = [Path(data)] if isinstance(data, str | Path) else [Path(one) for one in data]
     own = [stations] if isinstance(stations, Station) else list(stations)
-    return OrbitRequest(
-        paths=paths, stations=own, target=target, predict_hours=predict_hours, clock_s=clock_s,
-        manoeuvre_t_s=time_s("manoeuvre", manoeuvre, manoeuvre_t_s), bias_mdeg=bias_mdeg,
-        refraction_removed=refraction_removed,
-    ).run()  # fmt: skip
+    manoeuvre_t_s = time_s("manoeuvre", manoeuvre, manoeuvre_t_s)
+    elements = target.found
+    if not isinstance(elements, Elements):
+        raise ValueError(f"{elements.name} has no mean elements, which the orbit begins with")
+    known: dict[str, Any] = {"elements": [elements], "max_age_s": max_age_s, "allow_damage": allow_damage}
+    known["refraction"] = None if refraction_removed else "standard"
+    owned = ((path, _station_of(path, own)) for path in paths)
+    tracked = [(one, s) for path, s in owned for one in _read(DataFiles(paths=[path], **known), elements, s)]
+    if not tracked:
+        raise ValueError("files=[]: no pass, must be 1 or more")
+    points, notes = [], []
+    for one, station in tracked:
+        air = None if refraction_removed else RadioRefraction.standard(station.site.altitude_m)
+        measured, left_out = points_of(one, station.site, station.model, air)
+        points.append(measured)
+        notes += [f"{measured.station}: {left_out}"] if left_out else []
+    if len(points) == 1:
+        notes.append("one pass: 2 or more tell the period")
+    # The first pass can be flown again: an antenna slews before it.
+    first_s = math.floor(min(float(one.t_s[0]) for one in points)) - BEFORE_S
+    last_s = math.floor(max(float(one.t_s[-1]) for one in points))
+    refuse_leap_second(first_s, last_s + 3600.0 * predict_hours)
+    prior = prior_of(elements, first_s, ElementUncertainty(), max_age_s)
+    # A model leaves little, whatever the beam.
+    left = [CALIBRATED_MDEG if any(one.model.coefficients.values()) else 100.0 * one.beamwidth_deg for one in own]
+    bias_rad = MDEG * (max(left) if bias_mdeg is None else bias_mdeg)
+    priors = Priors(clock_s=clock_s, azimuth_bias_rad=bias_rad, elevation_bias_rad=bias_rad)
+    dynamics = Dynamics(forces=forces_of(elements, prior.states[0]), manoeuvre_t_s=manoeuvre_t_s)
+    found = checked_orbit(prior, points, dynamics, priors)
+    t_s = np.arange(first_s, last_s + 3600.0 * predict_hours + STEP_S, STEP_S)
+    ephemeris = Ephemeris.of(found, t_s)
+    # After a manoeuvre no elements can follow both sides of it.
+    after = t_s >= (manoeuvre_t_s or -math.inf)
+    places, air_factor = ephemeris.states[after, :3], float(found.values[0, 6])
+    fresh, rms_m = mean_elements(elements, float(last_s), t_s[after], places, air_factor)
+    return DeterminedOrbit(fresh, rms_m, ephemeris, found, tuple(notes), elements, manoeuvre_t_s)

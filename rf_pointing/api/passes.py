@@ -11,9 +11,7 @@ import numpy as np
 
 from rf_pointing.api.target import Target
 from rf_pointing.calibration import BiasModel
-from rf_pointing.core import to_degrees
-from rf_pointing.core.dates import DAY_S, utc_text
-from rf_pointing.core.kinematics import LEVEL
+from rf_pointing.core import DAY_S, LEVEL, to_degrees, utc_text
 from rf_pointing.ephemeris import ElementUncertainty, Pass, TopocentricTrack, stale_warning
 from rf_pointing.ephemeris.source import SourceParams
 from rf_pointing.planning import Branch, Certificate, certificate_lines, certificate_values

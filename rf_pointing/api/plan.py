@@ -12,8 +12,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rf_pointing.core import to_degrees
-from rf_pointing.core.dates import DAY_S, utc_text
+from rf_pointing.core import DAY_S, to_degrees, utc_text
 from rf_pointing.ephemeris.uncertainty import error_text
 from rf_pointing.operations.pass_list import read_passes, table_of, to_calendar
 from rf_pointing.operations.pass_work import tracked_in_gaps
@@ -51,13 +50,10 @@ class Plan:
     def __str__(self) -> str:
         return table_text(self.day)
 
-    @property
-    def _beamwidth_rad(self) -> float:
-        return self.station.rules.machine.half_power_beamwidth_rad
-
     def warning(self, stale_days: float = 2.0) -> str:
         """Return "" or the number of satellites with stale elements, and the worst error."""
-        return stale_text(self.day, stale_days * DAY_S, self._beamwidth_rad)
+        beamwidth_rad = self.station.rules.machine.half_power_beamwidth_rad
+        return stale_text(self.day, stale_days * DAY_S, beamwidth_rad)
 
     def to_json(self) -> str:
         """Return the plan with its rows, a pass a line."""

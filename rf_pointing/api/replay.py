@@ -19,9 +19,7 @@ from typing import Any
 import numpy as np
 
 from rf_pointing.calibration import BiasModel, read_model
-from rf_pointing.core import MDEG, require_choice
-from rf_pointing.core.parameters import read_parameter_files
-from rf_pointing.core.types import Array
+from rf_pointing.core import MDEG, Array, read_parameter_files, require_choice
 from rf_pointing.ephemeris import Pass
 from rf_pointing.report.recorded_signals import read_pass
 from rf_pointing.report.replay_case import Changes, RecordedCase
@@ -122,14 +120,11 @@ class Replay:
         changed = self.changed or "nothing changed"
         lines = [
             f"{self.path}: {self.window.name}, {self.window.duration_s:.0f} s; {changed}",
-            f"wind: {self.wind}",
-            *(f"remark: {each}" for each in self.remarks),
+            f"wind: {self.wind}", *(f"remark: {each}" for each in self.remarks),
             f"{'loop':<8}{'topic':<20}{'count':>7}  {'recorded':<16}  replayed",
-            *map(str, self.checks),
-            f"{'closed loop':<26}{heads} ±sigma  errors",
-            *map(str, self.metrics),
-            f"closed loop at {self.speed:.0f} times real time",
-        ]
+            *map(str, self.checks), f"{'closed loop':<26}{heads} ±sigma  errors",
+            *map(str, self.metrics), f"closed loop at {self.speed:.0f} times real time",
+        ]  # fmt: skip
         return "\n".join(lines)
 
 
@@ -188,16 +183,10 @@ def replay(
     span = (case.window.aos_t_s, case.window.los_t_s)
     names = ("recorded", "as recorded", "changed") if said else ("recorded", "replayed")
     return Replay(
-        path=Path(bag),
-        window=case.window,
-        changed=", ".join(said),
-        checks=tuple(checks),
-        metrics=tuple(changes(flights, span, kind)),
-        wind=case.wind,
-        remarks=tuple(case.remarks),
-        speed=case.seconds / max(took_s, again_s),
-        flights=tuple(zip(names, flights, strict=False)),
-    )
+        path=Path(bag), window=case.window, changed=", ".join(said), checks=tuple(checks),
+        metrics=tuple(changes(flights, span, kind)), wind=case.wind, remarks=tuple(case.remarks),
+        speed=case.seconds / max(took_s, again_s), flights=tuple(zip(names, flights, strict=False)),
+    )  # fmt: skip
 
 
 def bags_of(folder: str | Path) -> list[Path]:

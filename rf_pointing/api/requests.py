@@ -20,8 +20,7 @@ import yaml
 
 from rf_pointing.api.station import Station
 from rf_pointing.api.target import Target
-from rf_pointing.core import AXES, MDEG, Params, Sensor, require_between
-from rf_pointing.core.checks import id_of
+from rf_pointing.core import AXES, MDEG, Params, Sensor, id_of, require_between
 from rf_pointing.core.dates import DAY_S, parse_utc, utc_text
 from rf_pointing.core.parameters import flat, leaves, read_parameter_files, with_leaves
 from rf_pointing.ephemeris import Elements, ElementUncertainty, Pass, first_pass_above, stale_warning

@@ -12,11 +12,9 @@ import numpy as np
 from rf_pointing.api.keywords import angle_rad
 from rf_pointing.api.passes import StationPass
 from rf_pointing.api.target import Target
-from rf_pointing.core.checks import id_of
-from rf_pointing.core.dates import utc_text
-from rf_pointing.ephemeris.celestial import sun
+from rf_pointing.core import id_of, utc_text
+from rf_pointing.ephemeris import TopocentricTrack, sun
 from rf_pointing.ephemeris.celestial_frame import EARTH_RATE_RAD_S
-from rf_pointing.ephemeris.track import TopocentricTrack
 from rf_pointing.planning.forbidden_sky import angle_between
 from rf_pointing.radiometry.disc import DiscResponse
 from rf_pointing.radiometry.scan_fit import ScanFitParams, fit_scan

@@ -10,10 +10,8 @@ import numpy as np
 
 from rf_pointing.api.station import Station
 from rf_pointing.api.target import Target
-from rf_pointing.core.types import Pair
-from rf_pointing.core.whole_file import KeptState
-from rf_pointing.ephemeris import TopocentricTrack
-from rf_pointing.ephemeris.solar import SolarDirection
+from rf_pointing.core import KeptState, Pair
+from rf_pointing.ephemeris import SolarDirection, TopocentricTrack
 from rf_pointing.station.service.keeper import Service, ServiceDesk, ServiceParams
 from rf_pointing.station.service.sidereal import SIDEREAL_DAY_S, SiderealMotion
 

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.core import MDEG
-from rf_pointing.core.dates import utc_text
+from rf_pointing.core import MDEG, utc_text
 from rf_pointing.simulation import PassLog
 
 if TYPE_CHECKING:
@@ -55,12 +54,10 @@ class SimulatedPass:
         """Return the samples as columns (n,): time, mode, errors, carrier over noise density."""
         cross, elevation = self.errors_mdeg().T
         return {
-            "t_s": np.array(self.log.t_s),
-            "mode": np.array(self.log.mode),
-            "cross_elevation_mdeg": cross,
-            "elevation_mdeg": elevation,
+            "t_s": np.array(self.log.t_s), "mode": np.array(self.log.mode),
+            "cross_elevation_mdeg": cross, "elevation_mdeg": elevation,
             "carrier_to_noise_db_hz": np.array(self.log.carrier_to_noise_db_hz),
-        }
+        }  # fmt: skip
 
     def to_pandas(self) -> Any:
         """Return the same as a DataFrame with the times (UTC) as its index; needs pandas."""

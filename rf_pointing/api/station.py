@@ -17,9 +17,7 @@ from rf_pointing.api.scan import ScanRequest, ScanResult, simulated
 from rf_pointing.api.simulated import SimulatedPass
 from rf_pointing.api.target import MAX_AGE_S, Target
 from rf_pointing.calibration import BiasModel, read_model
-from rf_pointing.core import Sensor, require_choice
-from rf_pointing.core.dates import DAY_S
-from rf_pointing.core.pass_outcome import SCANNED
+from rf_pointing.core import DAY_S, SCANNED, Sensor, require_choice
 from rf_pointing.ephemeris import Elements, Pass, TopocentricTrack, find_passes
 from rf_pointing.ephemeris.passes import part_searched
 from rf_pointing.planning import AxisLimits
@@ -69,12 +67,9 @@ class Station:
     """
 
     def __init__(
-        self,
-        station: str | Path | StationDescription = DEFAULT_STATION,
-        band: str | None = None,
-        *,
-        model: BiasModel | str | Path | None = None,
-    ) -> None:
+        self, station: str | Path | StationDescription = DEFAULT_STATION, band: str | None = None,
+        *, model: BiasModel | str | Path | None = None,
+    ) -> None:  # fmt: skip
         self.description = station if isinstance(station, StationDescription) else read_station(station)
         own = self.description
         self.name, self.site, self.simulated, self.bands = own.name, own.site, own.simulated, own.bands

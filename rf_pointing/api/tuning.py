@@ -184,15 +184,9 @@ def tune(
         before = [judged(axis, getattr(sets["loops"], axis.name), wind_m_s) for axis in axes]
         remarks = _refused_by_servo(tuned, sets["plant"], axes) if kept else []
     return Tuning(
-        law,
-        wind_m_s,
-        tuple(tuned),
-        tuple(before),
-        gusts,
-        (*slower, *remarks),
-        bool(station) and not remarks,
-        tuple(axes),
-    )
+        law, wind_m_s, tuple(tuned), tuple(before), gusts, (*slower, *remarks),
+        bool(station) and not remarks, tuple(axes),
+    )  # fmt: skip
 
 
 def _tuned(

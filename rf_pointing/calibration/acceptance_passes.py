@@ -11,17 +11,16 @@ import numpy as np
 
 from rf_pointing.calibration.bias_model import BiasModel
 from rf_pointing.calibration.observations import Observations
-from rf_pointing.core import Params, parameter, wrap_rad
-from rf_pointing.core.types import Array
+from rf_pointing.core import Array, Params, parameter, wrap_rad
 
 
 @dataclass(frozen=True, kw_only=True)
 class AcceptanceRules(Params):
     """When a verdict is given, and which one a candidate needs to be accepted."""
 
-    fewest_passes: int = parameter(3, "passes before a verdict", low=2, high=1000)
+    fewest_passes: int = parameter(3, "passes before a verdict", 2, 1000)
     t_limit: float = parameter(
-        2.0, "paired t value beyond which a model is better or worse", low=0.5, high=10.0
+        2.0, "paired t value beyond which a model is better or worse", 0.5, 10.0
     )
     accept: str = parameter(
         "better",

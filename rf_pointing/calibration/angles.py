@@ -10,8 +10,7 @@ from numpy.typing import ArrayLike
 
 from rf_pointing.calibration import taylor
 from rf_pointing.calibration.mount import lift
-from rf_pointing.core.kinematics import Kinematics
-from rf_pointing.core.types import Array
+from rf_pointing.core import Array, Kinematics
 
 # Temperature at which the thermal terms vanish (ISA sea level).
 REFERENCE_TEMPERATURE_K = 288.15
@@ -84,11 +83,9 @@ class ArrayAngles(_Angles):
 
     @classmethod
     def of(
-        cls,
-        motion: Sequence[ArrayLike],
-        temperature_k: ArrayLike | None,
+        cls, motion: Sequence[ArrayLike], temperature_k: ArrayLike | None,
         mount: Kinematics | None = None,
-    ) -> "ArrayAngles":
+    ) -> "ArrayAngles":  # fmt: skip
         """Broadcast azimuth, elevation, their rates and their accelerations to one shape."""
         azimuth, elevation, *rates = np.broadcast_arrays(
             *(np.asarray(part, dtype=np.float64) for part in motion)

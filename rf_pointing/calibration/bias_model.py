@@ -26,10 +26,8 @@ from rf_pointing.calibration.angles import (
 )
 from rf_pointing.calibration.mount import Skew, axes_from_sky, bent, sky_from_axes, straight
 from rf_pointing.calibration.terms import Term, mount_of, names_of, numbered, terms_by_name
-from rf_pointing.core import angular_distance_rad, require_between
-from rf_pointing.core.kinematics import LEVEL, UP, Kinematics
+from rf_pointing.core import LEVEL, UP, Array, Kinematics, angular_distance_rad, require_between
 from rf_pointing.core.mount_types import AZIMUTH_ELEVATION
-from rf_pointing.core.types import Array
 
 _DEGREE = math.radians(1.0)
 # `remove` stops when two iterations agree this well (per axis, rates per second).
@@ -237,13 +235,9 @@ class BiasModel:
         return self.remove(*(np.array(axes) - moving + resting), *still)
 
     def apply_moving(
-        self,
-        position_rad: ArrayLike,
-        velocity_rad_s: ArrayLike,
-        acceleration_rad_s2: ArrayLike,
-        *,
+        self, position_rad: ArrayLike, velocity_rad_s: ArrayLike, acceleration_rad_s2: ArrayLike, *,
         temperature_k: ArrayLike | None = None,
-    ) -> tuple[Array, Array, Array]:
+    ) -> tuple[Array, Array, Array]:  # fmt: skip
         """Return the joint motion (..., 2) that keeps the beam on a moving true target.
 
         Columns are azimuth, elevation.  The target's motion is taken to end at its acceleration:

@@ -29,8 +29,7 @@ from rf_pointing.calibration.observations import Observations
 from rf_pointing.calibration.pass_errors import PassPriors
 from rf_pointing.calibration.reference import ReferenceTrack
 from rf_pointing.calibration.terms import terms_by_name
-from rf_pointing.core import Params, parameter, require_between
-from rf_pointing.core.types import Array
+from rf_pointing.core import Array, Pair, Params, parameter, require_between
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -55,17 +54,10 @@ class CandidatePass:
         """Return the points without noise and bias, for the fit's partial derivatives."""
         track, sigma = self.track, np.full(len(self.track.t_s), self.sigma_rad)
         return Observations(
-            station=station,
-            band=band,
-            t_s=track.t_s,
-            pass_id=np.full(len(sigma), pass_id),
-            observed_azimuth_rad=track.azimuth_rad,
-            observed_elevation_rad=track.elevation_rad,
-            sigma_azimuth_rad=sigma,
-            sigma_elevation_rad=sigma,
-            mount=track.mount,
-            **track.truth(),
-        )
+            station=station, band=band, t_s=track.t_s, pass_id=np.full(len(sigma), pass_id),
+            observed_azimuth_rad=track.azimuth_rad, observed_elevation_rad=track.elevation_rad,
+            sigma_azimuth_rad=sigma, sigma_elevation_rad=sigma, mount=track.mount, **track.truth(),
+        )  # fmt: skip
 
 
 Counts = NDArray[np.int64]
@@ -81,12 +73,10 @@ class Slew(Params):
     `travel_rad` are the ends of the azimuth travel: cables may rule out the shorter direction.
     """
 
-    rate_rad_s: float = parameter(
-        math.radians(1.8), "mean axis rate of a slew", low=1e-5, high=10.0
-    )
-    settle_s: float = parameter(30.0, "stop, settling and acquisition", low=0.0, high=3600.0)
+    rate_rad_s: float = parameter(math.radians(1.8), "mean axis rate of a slew", 1e-5, 10.0)
+    settle_s: float = parameter(30.0, "stop, settling and acquisition", 0.0, 3600.0)
     travel_rad: tuple[float, ...] = parameter(
-        (), "lower and upper end of the azimuth travel; none: unlimited", low=-20.0, high=20.0
+        (), "lower and upper end of the azimuth travel; none: unlimited", -20.0, 20.0
     )
 
     def check_together(self) -> None:
@@ -97,7 +87,7 @@ class Slew(Params):
         ):
             raise ValueError(f"travel_rad={self.travel_rad} must be two ends, the lower one first")
 
-    def ends_rad(self, azimuth_rad: Array) -> tuple[float, float]:
+    def ends_rad(self, azimuth_rad: Array) -> Pair:
         """Return first and last azimuth of a pass (n,) on the turn that fits the travel best."""
         # The ends of a pass across north are on the turns of the cable, not on those of the sky.
         path = np.unwrap(azimuth_rad)
@@ -250,15 +240,10 @@ def uninformed_covariance(terms: Sequence[str]) -> Array:
 
 
 def next_best_passes(
-    terms: Sequence[str],
-    covariance: Array,
-    candidates: Sequence[CandidatePass],
-    *,
-    chosen: Sequence[str],
-    count: int,
-    pass_priors: PassPriors | None = None,
+    terms: Sequence[str], covariance: Array, candidates: Sequence[CandidatePass], *,
+    chosen: Sequence[str], count: int, pass_priors: PassPriors | None = None,
     slew: Slew | None = None,
-) -> list[PassAdvice]:
+) -> list[PassAdvice]:  # fmt: skip
     """Return up to `count` passes, the best first, that most reduce the `chosen` terms' sigma.
 
     `covariance` (k, k) is that of the last fit, or `uninformed_covariance`.  Passes that overlap a

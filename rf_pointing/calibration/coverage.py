@@ -7,25 +7,22 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from rf_pointing.core import Params, parameter
-from rf_pointing.core.types import Array
+from rf_pointing.core import Array, BoolArray, IntArray, Params, parameter
 
 
 @dataclass(frozen=True, kw_only=True)
 class SectorRule(Params):
     """How the sky is cut and how many observations each sector gets."""
 
-    azimuth_sectors: int = parameter(12, "sectors around the horizon", low=1, high=360)
+    azimuth_sectors: int = parameter(12, "sectors around the horizon", 1, 360)
     elevation_edges_rad: tuple[float, ...] = parameter(
         (math.radians(10.0), math.radians(30.0), math.radians(60.0), math.radians(80.0)),
-        "edges of the elevation bands",
-        low=0.0,
-        high=math.pi / 2.0,
-    )
-    fewest: int = parameter(25, "observations a sector must have", low=1, high=10_000)
-    most: int = parameter(30, "observations a sector may have", low=1, high=10_000)
+        "edges of the elevation bands", 0.0, math.pi / 2.0,
+    )  # fmt: skip
+    fewest: int = parameter(25, "observations a sector must have", 1, 10_000)
+    most: int = parameter(30, "observations a sector may have", 1, 10_000)
 
     ordered = ("fewest <= most",)
 
@@ -44,7 +41,7 @@ class SectorRule(Params):
         """Return the number of sectors."""
         return self.azimuth_sectors * (len(self.elevation_edges_rad) - 1)
 
-    def sector_of(self, azimuth_rad: ArrayLike, elevation_rad: ArrayLike) -> NDArray[np.int64]:
+    def sector_of(self, azimuth_rad: ArrayLike, elevation_rad: ArrayLike) -> IntArray:
         """Return the sector (0 .. count - 1, band by band) of each direction, -1 outside.
 
         Axis angles beyond 90 deg count where they point on the sky.
@@ -88,7 +85,7 @@ class Coverage:
     """Observations per sector: `counts` (count,)."""
 
     rule: SectorRule
-    counts: NDArray[np.int64]
+    counts: IntArray
 
     @property
     def thin(self) -> tuple[int, ...]:
@@ -108,8 +105,8 @@ class Coverage:
 
 
 def select_by_sector(
-    azimuth_rad: Array, elevation_rad: Array, pass_id: NDArray[np.int64], rule: SectorRule
-) -> tuple[NDArray[np.bool_], dict[str, int]]:
+    azimuth_rad: Array, elevation_rad: Array, pass_id: IntArray, rule: SectorRule
+) -> tuple[BoolArray, dict[str, int]]:
     """Return which rows to take (n,) and how many are dropped for which reason.
 
     At most `rule.most` per sector, spread evenly over and within its passes.
@@ -130,9 +127,7 @@ def select_by_sector(
     return chosen, dropped
 
 
-def _shared_out(
-    rows: NDArray[np.int64], pass_id: NDArray[np.int64], most: int
-) -> NDArray[np.int64]:
+def _shared_out(rows: IntArray, pass_id: IntArray, most: int) -> IntArray:
     """Return up to `most` rows, one from each pass in turn, spread within the pass."""
     if len(rows) <= most:
         return rows
@@ -145,7 +140,7 @@ def _shared_out(
     return np.array([row for _, row in sorted(ranked)[:most]], dtype=np.int64)
 
 
-def _spread_rank(count: int) -> NDArray[np.int64]:
+def _spread_rank(count: int) -> IntArray:
     """Return ranks 0 .. count - 1 of which the first lie spread over the range (bit-reversed)."""
     # Bit reversal halves the gaps again and again: any number of first ranks is spread evenly.
     bits = max(1, (count - 1).bit_length())

@@ -18,7 +18,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.calibration.fit_problem import FitProblem, Round
 from rf_pointing.calibration.fit_result import FitResult, Nuisance, Prior, Rejected
@@ -26,9 +25,7 @@ from rf_pointing.calibration.noise import NoiseScale, share_after_editing
 from rf_pointing.calibration.observations import Observations
 from rf_pointing.calibration.pass_errors import PassPriors, SharedErrors
 from rf_pointing.calibration.terms import mount_of, names_of, terms_by_name
-from rf_pointing.core import Params, parameter
-from rf_pointing.core.mount_types import AZIMUTH_ELEVATION
-from rf_pointing.core.types import Array
+from rf_pointing.core import AZIMUTH_ELEVATION, Array, BoolArray, Params, parameter
 
 # A step of a millionth of sigma: below it rounding, not the data, moves the terms.
 _CONVERGED_SIGMA = 1e-6
@@ -59,14 +56,14 @@ class FitOptions(Params):
         "printed", "model form: SATCAL (1)-(2) or exact rotations", choices=("printed", "rotation")
     )
     edit_sigma: float = parameter(
-        3.0, "residuals beyond this many sigma are left out; 0: none", low=0.0, high=100.0
+        3.0, "residuals beyond this many sigma are left out; 0: none", 0.0, 100.0
     )
     huber_sigma: float = parameter(
-        0.0, "residuals beyond this many sigma count linearly; 0: squared", low=0.0, high=10
+        0.0, "residuals beyond this many sigma count linearly; 0: squared", 0.0, 10
     )
     covariance: str = parameter("white", "how sigma is computed", choices=("white", "sandwich"))
     fewest_passes: int = parameter(
-        3, "fewer passes are refused unless every term has a prior", low=1, high=1000
+        3, "fewer passes are refused unless every term has a prior", 1, 1000
     )
     scale_covariance: bool = parameter(
         False, "raise the white covariance where residuals are larger than sigma says"
@@ -89,17 +86,12 @@ def held_at_zero(fitted: Iterable[str]) -> dict[str, float]:
 
 
 def fit_bias_model(
-    observations: Observations,
-    *,
-    terms: Iterable[str] | None = None,
-    held: Mapping[str, float] | None = None,
-    priors: Mapping[str, Prior] | None = None,
-    pass_priors: PassPriors | None = None,
-    shared: SharedErrors | None = None,
-    nuisances: Sequence[Nuisance] = (),
-    options: FitOptions | None = None,
+    observations: Observations, *, terms: Iterable[str] | None = None,
+    held: Mapping[str, float] | None = None, priors: Mapping[str, Prior] | None = None,
+    pass_priors: PassPriors | None = None, shared: SharedErrors | None = None,
+    nuisances: Sequence[Nuisance] = (), options: FitOptions | None = None,
     start: FitResult | None = None,
-) -> FitResult:
+) -> FitResult:  # fmt: skip
     """Fit `terms` to observed minus true angles (SATCAL eqs. 3-8).
 
     Parameters
@@ -218,42 +210,23 @@ def _result(problem: FitProblem, last: Round, options: FitOptions) -> FitResult:
         else (np.zeros(0, dtype=np.int64), None)
     )
     return FitResult(
-        names=problem.names,
-        values=solution.values,
-        covariance=covariance,
-        held=problem.held,
-        form=options.form,
-        station=data.station,
-        mount=data.mount,
-        band=data.band,
-        condition=solution.condition,
-        residual_azimuth_rad=last.residuals[0],
-        residual_elevation_rad=last.residuals[1],
-        pass_azimuth_rad=last.pass_offsets[0],
-        pass_elevation_rad=last.pass_offsets[1],
-        cos_elevation=np.cos(data.true_elevation_rad),
+        names=problem.names, values=solution.values, covariance=covariance, held=problem.held,
+        form=options.form, station=data.station, mount=data.mount, band=data.band,
+        condition=solution.condition, residual_azimuth_rad=last.residuals[0],
+        residual_elevation_rad=last.residuals[1], pass_azimuth_rad=last.pass_offsets[0],
+        pass_elevation_rad=last.pass_offsets[1], cos_elevation=np.cos(data.true_elevation_rad),
         used=used,
         rejected=tuple(
             Rejected(int(row), int(data.pass_id[row]), f"residual of {size[row]:.1f} sigma")
             for row in np.flatnonzero(~used)
         ),
-        variance_azimuth=variance[0],
-        variance_elevation=variance[1],
-        first_t_s=float(np.min(data.t_s)),
-        last_t_s=float(np.max(data.t_s)),
-        passes=len(np.unique(data.pass_id[used])),
-        pass_errors=problem.pass_errors(last),
-        pass_priors=problem.pass_priors,
-        noise=noise,
-        pass_rows=rows,
-        pass_places=places,
-        shared=problem.shared,
-        sharing=problem.sharing,
-        nuisances=problem.nuisances,
-        nuisance_values=common,
-        nuisance_covariance=spread,
-        priors=problem.priors,
-    )
+        variance_azimuth=variance[0], variance_elevation=variance[1],
+        first_t_s=float(np.min(data.t_s)), last_t_s=float(np.max(data.t_s)),
+        passes=len(np.unique(data.pass_id[used])), pass_errors=problem.pass_errors(last),
+        pass_priors=problem.pass_priors, noise=noise, pass_rows=rows, pass_places=places,
+        shared=problem.shared, sharing=problem.sharing, nuisances=problem.nuisances,
+        nuisance_values=common, nuisance_covariance=spread, priors=problem.priors,
+    )  # fmt: skip
 
 
 def excess_of(noise: tuple[NoiseScale, NoiseScale]) -> float:
@@ -286,7 +259,7 @@ def _check_names(
         raise ValueError(f"prior of {', '.join(astray)}: not a fitted term")
 
 
-def normalised_size(residuals: Array, sigmas: Array, used: NDArray[np.bool_]) -> Array:
+def normalised_size(residuals: Array, sigmas: Array, used: BoolArray) -> Array:
     """Return the larger of the axes' residuals (2, n), over their spread among `used` rows."""
     # Where it exceeds the stated sigma: an orbit error must not cost the whole pass.
     sizes = np.abs(residuals) / sigmas
@@ -294,9 +267,7 @@ def normalised_size(residuals: Array, sigmas: Array, used: NDArray[np.bool_]) ->
     return np.asarray(np.max(sizes / spread[:, np.newaxis], axis=0))
 
 
-def within_limit(
-    size: Array, limit: float, used: NDArray[np.bool_], *, may_return: bool
-) -> NDArray[np.bool_]:
+def within_limit(size: Array, limit: float, used: BoolArray, *, may_return: bool) -> BoolArray:
     """Return the rows that count next; limit 0 keeps all, with `may_return` rejected rows too."""
     if limit == 0.0:
         return used

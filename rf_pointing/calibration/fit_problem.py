@@ -35,8 +35,7 @@ from rf_pointing.calibration.pass_errors import (
     pass_partials,
 )
 from rf_pointing.calibration.terms import Partial, terms_by_name
-from rf_pointing.core import wrap_rad
-from rf_pointing.core.types import Array
+from rf_pointing.core import Array, BoolArray, wrap_rad
 
 Pair = tuple[Array, Array]
 # Lags that count as equal: at orbit errors of 1 km and 1 s they change the shift by < 0.1 mdeg.
@@ -112,7 +111,7 @@ class Round:
     levels: tuple[Level, ...]
     values: Array
     root: Array
-    used: NDArray[np.bool_]
+    used: BoolArray
     weight: Array
     residuals: Array
     pass_offsets: Array
@@ -122,23 +121,13 @@ class FitProblem:
     """Observation equations of one fit; `solve` linearises and solves them for given weights."""
 
     def __init__(
-        self,
-        data: Observations,
-        names: tuple[str, ...],
-        held: dict[str, float],
-        priors: dict[str, Prior],
-        pass_priors: PassPriors | None,
-        form: str,
-        shared: SharedErrors | None = None,
-        nuisances: Sequence[Nuisance] = (),
-    ) -> None:
+        self, data: Observations, names: tuple[str, ...], held: dict[str, float],
+        priors: dict[str, Prior], pass_priors: PassPriors | None, form: str,
+        shared: SharedErrors | None = None, nuisances: Sequence[Nuisance] = (),
+    ) -> None:  # fmt: skip
         self.data, self.names, self.held, self.priors, self.pass_priors = (
-            data,
-            names,
-            held,
-            priors,
-            pass_priors,
-        )
+            data, names, held, priors, pass_priors,
+        )  # fmt: skip
         self.nuisances = tuple(nuisances)
         self.shared = shared
         self.sharing = (
@@ -171,7 +160,7 @@ class FitProblem:
         )
 
     def equations(
-        self, values: Array, used: NDArray[np.bool_], weight: Array
+        self, values: Array, used: BoolArray, weight: Array
     ) -> tuple[NormalEquations, tuple[Level, ...]]:
         """Return the triangle of the equations about `values`, and what was eliminated."""
         equations = NormalEquations(self.names)
@@ -188,7 +177,7 @@ class FitProblem:
         )
         return equations, ()
 
-    def solve(self, values: Array, used: NDArray[np.bool_], weight: Array) -> Round:
+    def solve(self, values: Array, used: BoolArray, weight: Array) -> Round:
         """Return the solution linearised about `values`, from the `used` rows and `weight`."""
         equations, levels = self.equations(values, used, weight)
         for name, prior in self.priors.items():
@@ -215,13 +204,11 @@ class FitProblem:
         )
         return tuple(
             PassErrors(
-                number,
-                dict(zip(names, value, strict=True)),
-                dict(zip(names, spread, strict=True)),
+                number, dict(zip(names, value, strict=True)), dict(zip(names, spread, strict=True)),
                 middles[number],
             )
             for number, value, spread in zip(numbers.tolist(), values, sigma, strict=True)
-        )
+        )  # fmt: skip
 
     def nuisance_estimates(self, last: Round) -> tuple[Array, Array]:
         """Return the nuisances (q,) that the data show, and their covariance (q, q)."""
@@ -327,9 +314,7 @@ class FitProblem:
             weight
         )
 
-    def _pass_equations(
-        self, rows: Array, used: NDArray[np.bool_], weight: Array
-    ) -> tuple[Places, Array]:
+    def _pass_equations(self, rows: Array, used: BoolArray, weight: Array) -> tuple[Places, Array]:
         """Return the triangles of the passes of own partials, nuisances, and `rows`."""
         scaled = np.concatenate(self._own()[0]) * self._scale(weight)
         rows = np.concatenate([scaled, self._nuisance_rows(weight), rows], axis=1)
@@ -337,7 +322,7 @@ class FitProblem:
         return pass_equations(rows[chosen], np.tile(self.passes[1], 2)[chosen])
 
     def _eliminated(
-        self, rows: Array, used: NDArray[np.bool_], weight: Array
+        self, rows: Array, used: BoolArray, weight: Array
     ) -> tuple[tuple[Level, ...], Array]:
         """Return `rows` of common terms free of all other unknowns, and these, the widest first."""
         levels = []

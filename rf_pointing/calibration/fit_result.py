@@ -5,15 +5,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.calibration.bias_model import BiasModel
 from rf_pointing.calibration.noise import NoiseScale
 from rf_pointing.calibration.normal_equations import advice_for
 from rf_pointing.calibration.pass_errors import PassErrors, PassPriors, SharedErrors, Sharing
-from rf_pointing.core import require_finite
-from rf_pointing.core.kinematics import LEVEL, Kinematics
-from rf_pointing.core.types import Array
+from rf_pointing.core import LEVEL, Array, BoolArray, IntArray, Kinematics, Pair, require_finite
 
 # Correlation above which two fitted terms are reported as poorly separated.
 HIGH_CORRELATION = 0.95
@@ -84,7 +81,7 @@ class FitResult:
     pass_azimuth_rad: Array
     pass_elevation_rad: Array
     cos_elevation: Array
-    used: NDArray[np.bool_]
+    used: BoolArray
     rejected: tuple[Rejected, ...]
     variance_azimuth: float
     variance_elevation: float
@@ -95,7 +92,7 @@ class FitResult:
     pass_priors: PassPriors | None
     noise: tuple[NoiseScale, NoiseScale] | None
     pass_rows: Array | None
-    pass_places: NDArray[np.int64]
+    pass_places: IntArray
     shared: SharedErrors | None
     sharing: Sharing | None
     nuisances: tuple[Nuisance, ...]
@@ -153,7 +150,7 @@ class FitResult:
             for first, second, value in self.inseparable(threshold)
         )
 
-    def rms_rad(self) -> tuple[float, float]:
+    def rms_rad(self) -> Pair:
         """Return the rms residual of the used rows on the sky: cross-elevation, elevation."""
         # On the sky: a degree of azimuth at 80 deg of elevation moves the beam by 0.17 deg.
         across = (self.residual_azimuth_rad * self.cos_elevation)[self.used]

@@ -11,8 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rf_pointing.core import Params, parameter
-from rf_pointing.core.types import Array
+from rf_pointing.core import Array, Params, parameter
 
 _EARTH_RADIUS_M = 6.371e6
 # Height of the densest part of the F layer, the usual one for a thin shell.

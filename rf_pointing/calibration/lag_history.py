@@ -51,12 +51,9 @@ class LagHistory:
         )
 
     def along(
-        self,
-        t_s: Array,
-        rate_rad_s: Array,
-        acceleration_rad_s2: Array,
+        self, t_s: Array, rate_rad_s: Array, acceleration_rad_s2: Array,
         before: LagState | None = None,
-    ) -> tuple[tuple[Array, Array, Array], list[LagState]]:
+    ) -> tuple[tuple[Array, Array, Array], list[LagState]]:  # fmt: skip
         """Return by what the axes must lead a beam that moves like this, and the states.
 
         Parameters
@@ -145,15 +142,11 @@ class LagHistory:
             m, s = x_mean - x_rate + (time_s + dt_s) * x_ramp, x_slope - x_ramp
             n, r = y_mean - y_rate + (time_s + dt_s) * y_ramp, y_slope - y_ramp
             x, x_mean, x_slope = (
-                x_rate,
-                x_rate - time_s * x_ramp + mm * m + ms * s,
-                x_ramp + sm * m + ss * s,
-            )
+                x_rate, x_rate - time_s * x_ramp + mm * m + ms * s, x_ramp + sm * m + ss * s,
+            )  # fmt: skip
             y, y_mean, y_slope = (
-                y_rate,
-                y_rate - time_s * y_ramp + mm * n + ms * r,
-                y_ramp + sm * n + ss * r,
-            )
+                y_rate, y_rate - time_s * y_ramp + mm * n + ms * r, y_ramp + sm * n + ss * r,
+            )  # fmt: skip
             found.append((x_mean, y_mean, x_slope, y_slope))
         return found
 

@@ -16,11 +16,10 @@ import yaml
 from rf_pointing.calibration.bias_model import BiasModel
 from rf_pointing.calibration.fit_result import FitResult
 from rf_pointing.calibration.terms import ALL_TERMS, FURTHER_TERMS, MOUNT_TERMS, mount_of
-from rf_pointing.core import from_degrees, require_choice, require_finite, to_degrees
+from rf_pointing.core import Array, from_degrees, require_choice, require_finite, to_degrees
 from rf_pointing.core.dates import from_utc_text, to_utc_text
 from rf_pointing.core.kinematics import LEVEL, Kinematics
 from rf_pointing.core.mount_types import AZIMUTH_ELEVATION, MOUNTS
-from rf_pointing.core.types import Array
 from rf_pointing.core.whole_file import parse_json, parse_yaml, read_whole, write_whole
 
 FORMAT = "rf_pointing/bias_model/1"
@@ -35,11 +34,9 @@ _COUNTS = ("observations", "rejected", "passes")
 _ANGLES = ("rms_cross_elevation", "rms_elevation", "mean_azimuth", "mean_elevation")
 # Unit in the file of each unit of the core, and the factor to it.
 _EDGE = {
-    "rad": ("deg", math.degrees(1.0)),
-    "s": ("s", 1.0),
-    "s^2": ("s2", 1.0),
+    "rad": ("deg", math.degrees(1.0)), "s": ("s", 1.0), "s^2": ("s2", 1.0),
     "rad/K": ("deg_k", math.degrees(1.0)),
-}
+}  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -79,32 +76,18 @@ class ModelVersion:
         """Return the version that a fit gives; it is valid from its creation until replaced."""
         rms, used = result.rms_rad(), result.used
         same = (
-            "station",
-            "band",
-            "form",
-            "condition",
-            "model",
-            "covariance",
-            "first_t_s",
-            "last_t_s",
+            "station", "band", "form", "condition", "model", "covariance", "first_t_s", "last_t_s",
             "passes",
-        )
+        )  # fmt: skip
         same_name: dict[str, Any] = {field: getattr(result, field) for field in same}
         return cls(
-            name=name,
-            software=software,
-            created_t_s=created_t_s,
-            valid_from_t_s=created_t_s,
-            valid_until_t_s=None,
-            observations=int(np.sum(used)),
-            rejected=len(result.rejected),
-            rms_cross_elevation_rad=rms[0],
-            rms_elevation_rad=rms[1],
+            name=name, software=software, created_t_s=created_t_s, valid_from_t_s=created_t_s,
+            valid_until_t_s=None, observations=int(np.sum(used)), rejected=len(result.rejected),
+            rms_cross_elevation_rad=rms[0], rms_elevation_rad=rms[1],
             mean_azimuth_rad=float(np.mean(result.residual_azimuth_rad[used])),
             mean_elevation_rad=float(np.mean(result.residual_elevation_rad[used])),
-            fitted=result.names,
-            **same_name,
-        )
+            fitted=result.names, **same_name,
+        )  # fmt: skip
 
     def check_for(self, station: str, band: str, t_s: float) -> None:
         """Raise ValueError if the model is of another station or band or not valid at `t_s`."""
@@ -150,19 +133,15 @@ def _to_mapping(version: ModelVersion) -> dict[str, Any]:
     # No end is written as null, not left out: every key is there in every file.
     until = None if version.valid_until_t_s is None else _stamp(version.valid_until_t_s)
     return {
-        "format": FORMAT,
-        **{name: getattr(version, name) for name in _TEXTS},
-        **_mount_entry(version.model),
-        "created_utc": _stamp(version.created_t_s),
+        "format": FORMAT, **{name: getattr(version, name) for name in _TEXTS},
+        **_mount_entry(version.model), "created_utc": _stamp(version.created_t_s),
         "validity": {"from_utc": _stamp(version.valid_from_t_s), "until_utc": until},
         "data": {
-            "first_utc": _stamp(version.first_t_s),
-            "last_utc": _stamp(version.last_t_s),
+            "first_utc": _stamp(version.first_t_s), "last_utc": _stamp(version.last_t_s),
             **{name: getattr(version, name) for name in _COUNTS},
         },
         "fit": {
-            "form": version.form,
-            "condition": version.condition,
+            "form": version.form, "condition": version.condition,
             **{f"{name}_deg": math.degrees(getattr(version, f"{name}_rad")) for name in _ANGLES},
         },
         "terms": {
@@ -170,11 +149,10 @@ def _to_mapping(version: ModelVersion) -> dict[str, Any]:
             for name, value in version.model.coefficients.items()
         },
         "covariance": {
-            "order": list(version.fitted),
-            "unit": [_edge(name)[0] for name in version.fitted],
+            "order": list(version.fitted), "unit": [_edge(name)[0] for name in version.fitted],
             "matrix": (version.covariance * np.outer(scale, scale)).tolist(),
         },
-    }
+    }  # fmt: skip
 
 
 def _from_mapping(mapping: Any) -> ModelVersion:
@@ -193,18 +171,12 @@ def _from_mapping(mapping: Any) -> ModelVersion:
         **{f"{name}_rad": math.radians(fit.number(f"{name}_deg")) for name in _ANGLES},
     }
     return ModelVersion(
-        created_t_s=top.time("created_utc"),
-        valid_from_t_s=validity.time("from_utc"),
+        created_t_s=top.time("created_utc"), valid_from_t_s=validity.time("from_utc"),
         valid_until_t_s=validity.time("until_utc") if validity.has("until_utc") else None,
-        first_t_s=data.time("first_utc"),
-        last_t_s=data.time("last_utc"),
-        form=fit.text("form"),
-        condition=fit.number("condition"),
-        model=model,
-        fitted=tuple(sigma),
-        covariance=_read_covariance(top, sigma),
-        **same_name,
-    )
+        first_t_s=data.time("first_utc"), last_t_s=data.time("last_utc"), form=fit.text("form"),
+        condition=fit.number("condition"), model=model, fitted=tuple(sigma),
+        covariance=_read_covariance(top, sigma), **same_name,
+    )  # fmt: skip
 
 
 def _parsed(source: Path, text: str) -> Any:
@@ -232,10 +204,8 @@ def _edge(name: str) -> tuple[str, float]:
 def _term_entry(name: str, value: float, sigma: float | None) -> dict[str, Any]:
     unit, scale = _edge(name)
     entry: dict[str, Any] = {
-        f"value_{unit}": float(value * scale),
-        "used": value != 0.0,
-        "fixed": sigma is None,
-    }
+        f"value_{unit}": float(value * scale), "used": value != 0.0, "fixed": sigma is None,
+    }  # fmt: skip
     if sigma is not None:
         entry[f"sigma_{unit}"] = sigma * scale
     return entry

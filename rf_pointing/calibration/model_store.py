@@ -9,8 +9,7 @@ import json
 from pathlib import Path
 
 from rf_pointing.calibration.model_file import ModelVersion, read_model, write_model
-from rf_pointing.core import require_choice
-from rf_pointing.core.whole_file import parse_json, read_whole, write_whole
+from rf_pointing.core import parse_json, read_whole, require_choice, write_whole
 
 
 class ModelStore:

@@ -18,8 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rf_pointing.calibration import taylor
-from rf_pointing.core.kinematics import UP, Kinematics
-from rf_pointing.core.types import Array
+from rf_pointing.core import UP, Array, Kinematics
 
 
 @dataclass(frozen=True)

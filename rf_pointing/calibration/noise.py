@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.calibration.thinning import PiecewiseRows, Thinned
-from rf_pointing.core.types import Array
+from rf_pointing.core.types import Array, IntArray
 
 Chosen = NDArray[np.bool_]
 
@@ -61,7 +61,7 @@ class NoiseScale:
     uncertainty: float
 
 
-def noise_scale(residuals: Array, influence: Array, passes: NDArray[np.int64]) -> NoiseScale:
+def noise_scale(residuals: Array, influence: Array, passes: IntArray) -> NoiseScale:
     """Return F^2 of one axis.
 
     Parameters
@@ -124,11 +124,11 @@ def _excess(ratio: Array, freedom: Array, of_pass: PiecewiseRows) -> Array:
     )
 
 
-def _sums(place: NDArray[np.int64], values: Array) -> Array:
+def _sums(place: IntArray, values: Array) -> Array:
     return np.asarray(np.bincount(place, weights=values), dtype=np.float64)
 
 
-def _split(place: NDArray[np.int64], variance: Array, freedom: Array, secant2: Array) -> Array:
+def _split(place: IntArray, variance: Array, freedom: Array, secant2: Array) -> Array:
     """Return a + b / cos^2 E with the a, b >= 0 of each pass that fit its variances best.
 
     Where a does not show, it is zero.

@@ -114,12 +114,9 @@ class NormalEquations:
         inverse = self._inverse(scaled, scale)
         root = inverse / scale[:, np.newaxis]
         return Solution(
-            names=self.names,
-            values=root @ right[:count],
-            covariance=root @ root.T,
-            residual_square=float(right[count:] @ right[count:]),
-            scaled=scaled,
-        )
+            names=self.names, values=root @ right[:count], covariance=root @ root.T,
+            residual_square=float(right[count:] @ right[count:]), scaled=scaled,
+        )  # fmt: skip
 
     def _inverse(self, scaled: Array, scale: Array) -> Array:
         inverse = _inverse_of(scaled)

@@ -9,11 +9,10 @@ from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from rf_pointing.core import as_finite_array, to_degrees, wrap_rad
-from rf_pointing.core.kinematics import LEVEL, Kinematics
-from rf_pointing.core.types import Array
+from rf_pointing.core import LEVEL, Kinematics, as_finite_array, to_degrees, wrap_rad
+from rf_pointing.core.types import Array, BoolArray, IntArray
 
 # Difference on the sky of observed and true direction above which the data must be wrong.
 LARGEST_BIAS_RAD = 0.2
@@ -23,19 +22,12 @@ _TURNED_SPREAD_RAD = np.radians(1.0)
 _LARGEST_AZIMUTH_RAD = 3.0 * np.pi
 _TURN = 2.0 * np.pi
 _MOTION = (
-    "true_azimuth_rad",
-    "true_elevation_rad",
-    "azimuth_rate_rad_s",
-    "elevation_rate_rad_s",
-    "azimuth_acceleration_rad_s2",
-    "elevation_acceleration_rad_s2",
-)
+    "true_azimuth_rad", "true_elevation_rad", "azimuth_rate_rad_s", "elevation_rate_rad_s",
+    "azimuth_acceleration_rad_s2", "elevation_acceleration_rad_s2",
+)  # fmt: skip
 _OBSERVED = (
-    "observed_azimuth_rad",
-    "observed_elevation_rad",
-    "sigma_azimuth_rad",
-    "sigma_elevation_rad",
-)
+    "observed_azimuth_rad", "observed_elevation_rad", "sigma_azimuth_rad", "sigma_elevation_rad",
+)  # fmt: skip
 _OPTIONAL = ("range_m", "range_rate_m_s", "temperature_k")
 # Rows farther apart say little: the remainder grows with the cube of their distance.
 _NEIGHBOURS_S = 20.0
@@ -67,7 +59,7 @@ class Observations:
     station: str
     band: str
     t_s: Array
-    pass_id: NDArray[np.int64]
+    pass_id: IntArray
     observed_azimuth_rad: Array
     observed_elevation_rad: Array
     true_azimuth_rad: Array
@@ -116,7 +108,7 @@ class Observations:
         return self.observed_elevation_rad - self.true_elevation_rad
 
     @property
-    def passes(self) -> NDArray[np.int64]:
+    def passes(self) -> IntArray:
         """Return the pass numbers present, ascending."""
         return np.unique(self.pass_id)
 
@@ -177,7 +169,7 @@ def _finite(name: str, value: ArrayLike, length: int | None) -> Array:
     return as_finite_array(name, array, (length,))
 
 
-def _pass_numbers(value: ArrayLike, length: int) -> NDArray[np.int64]:
+def _pass_numbers(value: ArrayLike, length: int) -> IntArray:
     numbers = np.asarray(value)
     if numbers.shape != (length,) or not np.issubdtype(numbers.dtype, np.integer):
         raise ValueError(
@@ -186,7 +178,7 @@ def _pass_numbers(value: ArrayLike, length: int) -> NDArray[np.int64]:
     return numbers.astype(np.int64)
 
 
-def _check_times(t_s: Array, pass_id: NDArray[np.int64]) -> None:
+def _check_times(t_s: Array, pass_id: IntArray) -> None:
     # By pass, in the order of the rows: passes may be interleaved, as two antennas' files are.
     order = np.lexsort((np.arange(len(t_s)), pass_id))
     step = np.diff(t_s[order])
@@ -234,7 +226,7 @@ def north_text(turn_rad: float) -> str:
     )
 
 
-def _refuse_where(wrong: NDArray[np.bool_], name: str, value: Array, reason: str) -> None:
+def _refuse_where(wrong: BoolArray, name: str, value: Array, reason: str) -> None:
     if np.any(wrong):
         row = int(np.flatnonzero(wrong)[0])
         raise ValueError(
@@ -272,7 +264,7 @@ def require_derivatives(points: Observations) -> None:
 
 
 def _not_the_change(
-    points: Observations, pair: NDArray[np.int64], name: str, rate_name: str, share: str
+    points: Observations, pair: IntArray, name: str, rate_name: str, share: str
 ) -> str:
     # In the units of the file, which the reader of the message has before them.
     edge, values = to_degrees(name, getattr(points, name)[pair].tolist())

@@ -18,14 +18,12 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.calibration.observations import Observations
 from rf_pointing.calibration.reference import ReferenceTrack
 from rf_pointing.calibration.terms import numbered
-from rf_pointing.core import Params, azel_from_unit_vector, parameter, wrap_rad
-from rf_pointing.core.kinematics import LEVEL, Kinematics
-from rf_pointing.core.types import Array
+from rf_pointing.core import LEVEL, Kinematics, Params, azel_from_unit_vector, parameter, wrap_rad
+from rf_pointing.core.types import Array, IntArray, Pair
 
 _EARTH_RADIUS_M = 6.371e6
 _EARTH_RATE_RAD_S = 7.2921e-5
@@ -44,17 +42,15 @@ class PassPriors(Params):
     in height brings its change along the track with it.
     """
 
-    along_track_m: float = parameter(0.0, "orbit error along the track", low=0.0, high=1e6)
-    cross_track_m: float = parameter(0.0, "orbit error across the track", low=0.0, high=1e6)
-    radial_m: float = parameter(0.0, "orbit error in height", low=0.0, high=1e6)
+    along_track_m: float = parameter(0.0, "orbit error along the track", 0.0, 1e6)
+    cross_track_m: float = parameter(0.0, "orbit error across the track", 0.0, 1e6)
+    radial_m: float = parameter(0.0, "orbit error in height", 0.0, 1e6)
     along_track_drift_m_s: float = parameter(
-        0.0, "further change of the along-track error", low=0.0, high=1e3
+        0.0, "further change of the along-track error", 0.0, 1e3
     )
-    cross_track_drift_m_s: float = parameter(
-        0.0, "change of the cross-track error", low=0.0, high=1e3
-    )
-    radial_drift_m_s: float = parameter(0.0, "change of the height error", low=0.0, high=1e3)
-    clock_s: float = parameter(0.0, "time tag error of the station", low=0.0, high=10.0)
+    cross_track_drift_m_s: float = parameter(0.0, "change of the cross-track error", 0.0, 1e3)
+    radial_drift_m_s: float = parameter(0.0, "change of the height error", 0.0, 1e3)
+    clock_s: float = parameter(0.0, "time tag error of the station", 0.0, 10.0)
 
     @classmethod
     def of_orbit(
@@ -137,7 +133,7 @@ class SharedErrors:
 class Sharing:
     """The set of elements (g,) of each pass, and what (g, p, p) turns its error into theirs."""
 
-    sets: NDArray[np.int64]
+    sets: IntArray
     turns: Array
 
     @classmethod
@@ -215,7 +211,7 @@ def _of_elements(sight: "_Sight", t_s: Array, latitude_rad: float) -> dict[str, 
 
 
 def pass_partials(
-    observations: Observations, names: tuple[str, ...], lags_s: tuple[float, float] = (0.0, 0.0)
+    observations: Observations, names: tuple[str, ...], lags_s: Pair = (0.0, 0.0)
 ) -> tuple[Array, Array]:
     """Return the partials (n, len(names)) of azimuth and of elevation, radians per metre or second.
 
@@ -231,14 +227,9 @@ def pass_partials(
 
 
 def motion_partials(
-    elapsed_s: Array,
-    motion: Sequence[Array],
-    range_m: Array | None,
-    range_rate_m_s: Array | None,
-    names: Sequence[str],
-    lags_s: tuple[float, float],
-    mount: Kinematics = LEVEL,
-) -> tuple[Array, Array]:
+    elapsed_s: Array, motion: Sequence[Array], range_m: Array | None, range_rate_m_s: Array | None,
+    names: Sequence[str], lags_s: Pair, mount: Kinematics = LEVEL,
+) -> tuple[Array, Array]:  # fmt: skip
     """Return the same of a motion (angles, rates, accelerations) `elapsed_s` from mid-pass."""
     # A clock error alone needs no range: the rates are enough.
     of_orbit = any(not name.startswith("clock") for name in names)
@@ -256,7 +247,7 @@ def motion_partials(
     return both[0], both[1]
 
 
-def lags_of(coefficients: Mapping[str, float]) -> tuple[float, float]:
+def lags_of(coefficients: Mapping[str, float]) -> Pair:
     """Return the velocity lags of the lower and the upper axis."""
     lower, upper = numbered(coefficients, 6, 13)
     return lower, upper
@@ -392,13 +383,11 @@ def _displacements(elapsed_s: Array, rate_rad_s: Array) -> dict[str, tuple[Array
     zero, rate = np.zeros_like(elapsed_s), rate_rad_s
     cosine, sine = np.cos(rate * elapsed_s), np.sin(rate * elapsed_s) / rate
     return {
-        "along_track_m": (zero + 1.0, zero, zero),
-        "along_track_drift_m_s": (elapsed_s, zero, zero),
-        "cross_track_m": (zero, cosine, zero),
-        "cross_track_drift_m_s": (zero, sine, zero),
+        "along_track_m": (zero + 1.0, zero, zero), "along_track_drift_m_s": (elapsed_s, zero, zero),
+        "cross_track_m": (zero, cosine, zero), "cross_track_drift_m_s": (zero, sine, zero),
         "radial_m": (-2.0 * rate * sine, zero, cosine),
         "radial_drift_m_s": (2.0 * cosine / rate, zero, sine),
-    }
+    }  # fmt: skip
 
 
 def displaced(track: ReferenceTrack, errors: PassErrors) -> ReferenceTrack:
@@ -450,16 +439,13 @@ def _moved(track: ReferenceTrack, sight: _Sight, metres: Array, late_s: float) -
     rate = np.gradient(shift, elapsed, axis=1)
     bend = np.gradient(rate, elapsed, axis=1)
     return replace(
-        track,
-        range_m=track.range_m + farther,
+        track, range_m=track.range_m + farther,
         range_rate_m_s=track.range_rate_m_s + np.gradient(farther, elapsed),
-        azimuth_rad=motion[0] + shift[0],
-        elevation_rad=motion[1] + shift[1],
-        azimuth_rate_rad_s=motion[2] + rate[0],
-        elevation_rate_rad_s=motion[3] + rate[1],
+        azimuth_rad=motion[0] + shift[0], elevation_rad=motion[1] + shift[1],
+        azimuth_rate_rad_s=motion[2] + rate[0], elevation_rate_rad_s=motion[3] + rate[1],
         azimuth_acceleration_rad_s2=motion[4] + bend[0],
         elevation_acceleration_rad_s2=motion[5] + bend[1],
-    )
+    )  # fmt: skip
 
 
 def middles_of_passes(data: Observations) -> Array:

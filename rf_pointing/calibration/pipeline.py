@@ -16,7 +16,6 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.calibration.bias_model import BiasModel
 from rf_pointing.calibration.coverage import Coverage, SectorRule, select_by_sector
@@ -28,20 +27,14 @@ from rf_pointing.calibration.pass_errors import PassErrors, displaced, lags_of, 
 from rf_pointing.calibration.raw_tracking import RawTracking, StageReport, require_unit, validate
 from rf_pointing.calibration.reference import COLUMNS, ReferenceTrack
 from rf_pointing.calibration.thinning import Thinned, find_outliers, smooth, thin
-from rf_pointing.core import wrap_rad
-from rf_pointing.core.kinematics import Kinematics
-from rf_pointing.core.types import Array
+from rf_pointing.core import Array, BoolArray, IntArray, Kinematics, Pair, wrap_rad
 
 # A perfect simulation scatters by nothing; a sigma of zero would divide by zero in the fit.
 _LEAST_SIGMA_RAD = 1e-6
 _MOTION = (
-    "azimuth_rad",
-    "elevation_rad",
-    "azimuth_rate_rad_s",
-    "elevation_rate_rad_s",
-    "azimuth_acceleration_rad_s2",
-    "elevation_acceleration_rad_s2",
-)
+    "azimuth_rad", "elevation_rad", "azimuth_rate_rad_s", "elevation_rate_rad_s",
+    "azimuth_acceleration_rad_s2", "elevation_acceleration_rad_s2",
+)  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,10 +49,10 @@ class PriorKnowledge:
     model: BiasModel
     form: str = "rotation"
     errors: Mapping[int, PassErrors] = field(default_factory=dict)
-    sigma_scale: tuple[float, float] = (1.0, 1.0)
+    sigma_scale: Pair = (1.0, 1.0)
 
     @property
-    def lags_s(self) -> tuple[float, float]:
+    def lags_s(self) -> Pair:
         """The velocity lags with which the fit sees errors of the passes."""
         return lags_of(self.model.coefficients) if self.form == "rotation" else (0.0, 0.0)
 
@@ -92,7 +85,7 @@ class TrackedPass:
             object.__setattr__(self, "reference", self.reference.over_the_top())
 
     @cached_property
-    def validation(self) -> tuple[NDArray[np.bool_], StageReport]:
+    def validation(self) -> tuple[BoolArray, StageReport]:
         """Which samples are sound, and the report of it."""
         return validate(self.raw, self.reference)
 
@@ -195,18 +188,13 @@ class RawPasses:
         count = len(points)
         corrected = any(one.ionosphere for one in self._numbers.values())
         reports = (
-            self._validation,
-            outliers,
-            self._report("thinning", outliers.after, thinned),
+            self._validation, outliers, self._report("thinning", outliers.after, thinned),
             self._report("smoothing", len(thinned.t_s), smoothed),
             StageReport(
-                stage="corrections",
-                before=count,
-                after=count,
-                dropped={},
+                stage="corrections", before=count, after=count, dropped={},
                 note="ionosphere" if corrected else "none",
             ),
-        )
+        )  # fmt: skip
         empty = sorted(set(self._numbers) - set(points.passes.tolist()))
         return Processed(
             points, reports, (*self._lost, *(f"pass {number}: too few samples" for number in empty))
@@ -254,16 +242,13 @@ class RawPasses:
         azimuth, elevation = smoothed.residuals.T[:2]
         angles = ("azimuth_rad", "elevation_rad")
         return Observations(
-            station=raw.station,
-            band=raw.band,
-            mount=mount,
-            pass_id=smoothed.passes,
+            station=raw.station, band=raw.band, mount=mount, pass_id=smoothed.passes,
             observed_azimuth_rad=tracks["azimuth_rad"] + shift[0] + azimuth,
             observed_elevation_rad=tracks["elevation_rad"] + shift[1] + elevation,
             sigma_azimuth_rad=sigma[0] * known.sigma_scale[0],
             sigma_elevation_rad=sigma[1] * known.sigma_scale[1],
             **{f"true_{name}" if name in angles else name: value for name, value in tracks.items()},
-        )
+        )  # fmt: skip
 
     def _report(self, stage: str, before: int, result: Thinned) -> StageReport:
         scatter = ", ".join(
@@ -285,7 +270,7 @@ def _displaced(one: TrackedPass, errors: PassErrors | None) -> ReferenceTrack:
 
 
 def _error_shift_rad(
-    known: PriorKnowledge, tracks: Mapping[str, Array], passes: NDArray[np.int64], mount: Kinematics
+    known: PriorKnowledge, tracks: Mapping[str, Array], passes: IntArray, mount: Kinematics
 ) -> Array:
     """Return the shifts (2, n) of the angles that are linear in the errors of the passes."""
     errors = known.errors

@@ -4,11 +4,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from rf_pointing.calibration.reference import ReferenceTrack
-from rf_pointing.core import wrap_rad
-from rf_pointing.core.types import Array
+from rf_pointing.core import Array, BoolArray, IntArray, wrap_rad
 
 # Two on each side: a median of five takes two wrong time tags in a row.
 _NEIGHBOURS = 2
@@ -37,7 +36,7 @@ class RawTracking:
     elevation_rad: Array
     range_m: Array | None
     range_rate_m_s: Array | None
-    good: NDArray[np.bool_]
+    good: BoolArray
     notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
@@ -62,7 +61,7 @@ class RawTracking:
         return {name: getattr(self, name) for name in CHANNELS if getattr(self, name) is not None}
 
     @property
-    def over(self) -> NDArray[np.bool_]:
+    def over(self) -> BoolArray:
         """Return where (n,) the dish is over the top: its axis is beyond 90 deg."""
         # An elevation axis never reaches half a turn: beyond it the angle has another unit.
         return np.asarray((self.elevation_rad > 0.5 * np.pi) & (self.elevation_rad <= np.pi))
@@ -123,12 +122,12 @@ def _column(name: str, value: ArrayLike, length: int | None) -> Array:
     return array
 
 
-def validate(raw: RawTracking, reference: ReferenceTrack) -> tuple[NDArray[np.bool_], StageReport]:
+def validate(raw: RawTracking, reference: ReferenceTrack) -> tuple[BoolArray, StageReport]:
     """Return which samples are sound (n,); the others have one reason each (SATCAL 3)."""
     keep, dropped = np.ones(len(raw), dtype=bool), {}
     infinite = np.any([~np.isfinite(value) for value in (raw.t_s, *raw.channels.values())], axis=0)
     # Each check sees only what the ones before it have kept: times are compared with sound ones.
-    checks: dict[str, Callable[[NDArray[np.int64]], NDArray[np.bool_]]] = {
+    checks: dict[str, Callable[[IntArray], BoolArray]] = {
         "flagged by the station": lambda rows: ~raw.good[rows],
         "not finite": lambda rows: infinite[rows],
         "angle out of range": lambda rows: _out_of_range(raw)[rows],
@@ -157,10 +156,8 @@ def require_unit(raw: RawTracking, reference: ReferenceTrack) -> None:
     if len(times) < 2:
         return
     at, azimuth, elevation = (
-        reference.at(times),
-        raw.azimuth_rad[rows][places],
-        raw.elevation_rad[rows][places],
-    )
+        reference.at(times), raw.azimuth_rad[rows][places], raw.elevation_rad[rows][places],
+    )  # fmt: skip
 
     def distance(factor: float) -> float:
         across = wrap_rad(factor * azimuth - at.azimuth_rad) * np.cos(at.elevation_rad)
@@ -178,17 +175,17 @@ def require_unit(raw: RawTracking, reference: ReferenceTrack) -> None:
             )
 
 
-def _out_of_range(raw: RawTracking) -> NDArray[np.bool_]:
+def _out_of_range(raw: RawTracking) -> BoolArray:
     # NaN compares as False and is counted under its own reason.
     with np.errstate(invalid="ignore"):
-        wrong: NDArray[np.bool_] = np.abs(raw.azimuth_rad) > 3.0 * np.pi
+        wrong: BoolArray = np.abs(raw.azimuth_rad) > 3.0 * np.pi
         wrong |= (raw.elevation_rad < -np.pi / 2.0) | (raw.elevation_rad > np.pi)
         if raw.range_m is not None:
             wrong |= raw.range_m <= 0.0
     return wrong
 
 
-def _jumps(t_s: Array) -> NDArray[np.bool_]:
+def _jumps(t_s: Array) -> BoolArray:
     # One time tag in the future must not condemn the rest, as "must increase" would.
     if len(t_s) < 2 * _NEIGHBOURS + 1:
         return np.zeros(len(t_s), dtype=bool)
@@ -198,7 +195,7 @@ def _jumps(t_s: Array) -> NDArray[np.bool_]:
     return np.asarray(np.abs(t_s - np.median(windows, axis=1)) > _JUMP_STEPS * step)
 
 
-def _turns(reference: ReferenceTrack, t_s: Array) -> NDArray[np.bool_]:
+def _turns(reference: ReferenceTrack, t_s: Array) -> BoolArray:
     # Above 80 deg of a low pass a mean of 10 s distorts the bias that it shows: which points are
     # kept depends on the model known so far, and a fit may stay where it began.
     if len(t_s) < 2:
@@ -206,12 +203,12 @@ def _turns(reference: ReferenceTrack, t_s: Array) -> NDArray[np.bool_]:
     return np.asarray(np.abs(reference.at(t_s).azimuth_rate_rad_s) > _FASTEST_RAD_S)
 
 
-def _repeats(t_s: Array) -> NDArray[np.bool_]:
+def _repeats(t_s: Array) -> BoolArray:
     wrong = np.ones(len(t_s), dtype=bool)
     wrong[np.unique(t_s, return_index=True)[1]] = False
     return wrong
 
 
-def _backward(t_s: Array) -> NDArray[np.bool_]:
+def _backward(t_s: Array) -> BoolArray:
     before = np.concatenate([[-np.inf], np.maximum.accumulate(t_s)[:-1]])
     return np.asarray(t_s <= before)

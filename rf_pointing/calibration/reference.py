@@ -9,12 +9,10 @@ from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from rf_pointing.core import as_finite_array
+from rf_pointing.core import LEVEL, Array, BoolArray, IntArray, Kinematics, as_finite_array
 from rf_pointing.core.hermite import quintic_coefficients
-from rf_pointing.core.kinematics import LEVEL, Kinematics
-from rf_pointing.core.types import Array
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -51,7 +49,7 @@ class ReferenceTrack:
         """Return the track of what has its columns, as the look angles of an ephemeris."""
         return cls(**{name: getattr(look, name) for name in COLUMNS})
 
-    def covers(self, t_s: ArrayLike) -> NDArray[np.bool_]:
+    def covers(self, t_s: ArrayLike) -> BoolArray:
         """Return which times lie within the samples; the track is never extrapolated."""
         times = np.asarray(t_s, dtype=np.float64)
         return np.asarray((times >= self.t_s[0]) & (times <= self.t_s[-1]))
@@ -95,12 +93,10 @@ class ReferenceTrack:
     def over_the_top(self) -> "ReferenceTrack":
         """Return the motion in axis angles of a dish over the top, (az + 180 deg, 180 deg - el)."""
         return replace(
-            self,
-            azimuth_rad=self.azimuth_rad + np.pi,
-            elevation_rad=np.pi - self.elevation_rad,
+            self, azimuth_rad=self.azimuth_rad + np.pi, elevation_rad=np.pi - self.elevation_rad,
             elevation_rate_rad_s=-self.elevation_rate_rad_s,
             elevation_acceleration_rad_s2=-self.elevation_acceleration_rad_s2,
-        )
+        )  # fmt: skip
 
     def motion(self) -> tuple[Array, ...]:
         """Return azimuth, elevation, rates and accelerations, as the bias model takes them."""
@@ -120,7 +116,7 @@ COLUMNS = tuple(item.name for item in fields(ReferenceTrack) if item.name != "mo
 
 
 def _quintic(
-    samples: Sequence[Array], left: NDArray[np.int64], step: Array, elapsed: Array
+    samples: Sequence[Array], left: IntArray, step: Array, elapsed: Array
 ) -> tuple[Array, Array, Array]:
     (p0, v0, a0), (p1, v1, a1) = ([part[side] for part in samples] for side in (left, left + 1))
     c3, c4, c5 = quintic_coefficients((p0, v0, a0), (p1, v1, a1), step)
@@ -131,7 +127,7 @@ def _quintic(
 
 
 def _cubic(
-    value: Array, rate: Array, left: NDArray[np.int64], step: Array, elapsed: Array
+    value: Array, rate: Array, left: IntArray, step: Array, elapsed: Array
 ) -> tuple[Array, Array]:
     p0, p1, v0, v1 = value[left], value[left + 1], rate[left], rate[left + 1]
     slope = (p1 - p0) / step

@@ -29,9 +29,7 @@ from rf_pointing.calibration.observations import Observations, north_text
 from rf_pointing.calibration.outlying_passes import MEASURABLE_FROM, free_errors
 from rf_pointing.calibration.pass_errors import PassPriors, site_partials
 from rf_pointing.calibration.pipeline import TrackedPass
-from rf_pointing.core import wrap_rad
-from rf_pointing.core.refraction import RadioRefraction
-from rf_pointing.core.types import Array
+from rf_pointing.core import Array, Pair, RadioRefraction, wrap_rad
 
 Places = NDArray[np.int64]
 
@@ -49,10 +47,8 @@ _TURNED_SPREAD_RAD = np.radians(1.0)
 _MEDIAN_TO_SIGMA, _FEWEST_OTHERS = 1.4826, 4
 # By which clocks are off; by which passes scatter, 110 m to 7 km along the track.
 _LATE_S, _SCATTER_S, _LEAST_LATE_S = (
-    (0.2, 2.0, 20.0),
-    tuple(0.015 * 2.0 ** (0.5 * k) for k in range(13)),
-    0.015,
-)
+    (0.2, 2.0, 20.0), tuple(0.015 * 2.0 ** (0.5 * k) for k in range(13)), 0.015,
+)  # fmt: skip
 # -ln of the probability that some passes are late.
 _MOST_GROUPS, _GROUP_COST, _ALONE = 5, 2.0, 2
 # Sigma beyond the lateness that is named in half of the campaigns: 95 of 100.
@@ -162,7 +158,7 @@ def _bending(points: Observations, refraction: RadioRefraction) -> Array:
     return np.stack([np.zeros_like(bending), bending])[..., np.newaxis]
 
 
-def open_clock(fit: FitResult, known: Mapping[str, float]) -> tuple[float, float] | None:
+def open_clock(fit: FitResult, known: Mapping[str, float]) -> Pair | None:
     """Return between which times (s) the tags of all passes may be late with these angles.
 
     With them the mount has no acceleration lags within two sigma.  None for mounts that have some,
@@ -244,12 +240,10 @@ def _without_acceleration(
     ones, rates = weight @ np.ones(2), weight @ moved[:2]
     roots = np.roots(
         [
-            0.5 * np.sum(ones),
-            1.5 * float(ones @ moved[:2]),
-            float(rates @ moved[:2] + ones @ moved[2:]),
-            float(rates @ moved[2:]),
+            0.5 * np.sum(ones), 1.5 * float(ones @ moved[:2]),
+            float(rates @ moved[:2] + ones @ moved[2:]), float(rates @ moved[2:]),
         ]
-    )
+    )  # fmt: skip
     real = np.sort(roots.real[np.abs(roots.imag) < _REAL * (1.0 + np.abs(roots))])
     times, between = real[::2], [-math.inf, *real[1::2].tolist(), math.inf]
     slopes = moved[:2] + times[:, np.newaxis]
@@ -301,7 +295,7 @@ def _without_acceleration(
 
 def _clock_odds(
     moved: Array, covariance: Array, misfit: Callable[[Array], Array],
-    about: tuple[float, float], between: tuple[float, float], taken_s: float,
+    about: Pair, between: Pair, taken_s: float,
 ) -> float:  # fmt: skip
     """Return how much likelier than lags alone a clock `about` a time (and sigma) is, by mounts.
 
@@ -372,13 +366,9 @@ def wrong_north(points: Observations, convergence_rad: float) -> SystematicError
     if abs(size) < _LARGEST_NORTH_RAD or sigma > _TURNED_SPREAD_RAD:
         return None
     return SystematicError(
-        "north",
-        float(np.degrees(size)),
-        float(np.degrees(sigma)),
-        "deg",
-        _north(size, convergence_rad),
-        True,
-    )
+        "north", float(np.degrees(size)), float(np.degrees(sigma)), "deg",
+        _north(size, convergence_rad), True,
+    )  # fmt: skip
 
 
 def north_doubt(fit: FitResult, convergence_rad: float) -> SystematicError | None:
@@ -612,7 +602,7 @@ def _site(estimate: _Estimate) -> SystematicError | None:
     )
 
 
-def _turn(points: Observations) -> tuple[float, float]:
+def _turn(points: Observations) -> Pair:
     """Return the median azimuth residual and its spread over the passes."""
     turns = [
         float(np.median(points.residual_azimuth_rad[points.pass_id == number]))

@@ -15,9 +15,8 @@ from pathlib import Path
 import numpy as np
 
 from rf_pointing.calibration.raw_tracking import RawTracking
-from rf_pointing.core.dates import from_utc_text, to_utc_text
+from rf_pointing.core import DATA_BYTES, from_utc_text, read_whole, to_utc_text, write_whole
 from rf_pointing.core.kvn import key_and_value
-from rf_pointing.core.whole_file import DATA_BYTES, read_whole, write_whole
 
 
 def _keywords(text: str, numbered: tuple[str, ...]) -> frozenset[str]:
@@ -48,21 +47,17 @@ DATA_KEYWORDS = _keywords(
 _SECTIONS = ("META_START", "META_STOP", "DATA_START", "DATA_STOP")
 # Which keyword may follow in which part of a message, and the part that it begins.
 _NEXT_PLACE = {
-    ("header", "META_START"): "metadata",
-    ("between", "META_START"): "metadata",
-    ("metadata", "META_STOP"): "described",
-    ("described", "DATA_START"): "data",
+    ("header", "META_START"): "metadata", ("between", "META_START"): "metadata",
+    ("metadata", "META_STOP"): "described", ("described", "DATA_START"): "data",
     ("data", "DATA_STOP"): "between",
-}
+}  # fmt: skip
 _HEADER = ("CCSDS_TDM_VERS", "CREATION_DATE", "ORIGINATOR", "MESSAGE_ID")
 _ONE_WAY = ("2,1", "1,2")
 _ANGLES = ("ANGLE_1", "ANGLE_2")
 _SCALE = {
-    "ANGLE_1": math.radians(1.0),
-    "ANGLE_2": math.radians(1.0),
-    "RANGE": 1e3,
+    "ANGLE_1": math.radians(1.0), "ANGLE_2": math.radians(1.0), "RANGE": 1e3,
     "DOPPLER_INSTANTANEOUS": 1e3,
-}
+}  # fmt: skip
 
 
 @dataclass
@@ -100,7 +95,14 @@ def write_tdm(
         f"ORIGINATOR = {originator}",
     ]
     for track in (one for one in tracks if np.any(one.good)):
-        lines += ["", *_metadata_lines(track), "", *_data_lines(track)]
+        times = track.t_s[track.good]
+        lines += [
+            "", "META_START", "TIME_SYSTEM = UTC", f"START_TIME = {to_utc_text(float(times[0]))}",
+            f"STOP_TIME = {to_utc_text(float(times[-1]))}", f"PARTICIPANT_1 = {track.station}",
+            f"PARTICIPANT_2 = {track.target}", "MODE = SEQUENTIAL", "PATH = 2,1",
+            f"RECEIVE_BAND = {track.band}", "ANGLE_TYPE = AZEL", "RANGE_UNITS = km", "META_STOP",
+            "", *_data_lines(track),
+        ]  # fmt: skip
     text = "\n".join(lines) + "\n"
     if not text.isascii():
         raise ValueError(f"{path}: names of stations, targets and bands in a TDM must be ASCII")
@@ -153,12 +155,9 @@ def _add_metadata(segment: _Segment, number: int, key: str, value: str) -> None:
         raise ValueError(f"line {number}: {key} is given twice")
     # TAI or TT taken for UTC is off by 37 or 69 s: degrees of a low pass.
     required = {
-        "TIME_SYSTEM": ("UTC",),
-        "ANGLE_TYPE": ("AZEL",),
-        "MODE": ("SEQUENTIAL",),
-        "TIMETAG_REF": ("RECEIVE",),
-        "DATA_QUALITY": ("RAW", "VALIDATED", "DEGRADED"),
-    }
+        "TIME_SYSTEM": ("UTC",), "ANGLE_TYPE": ("AZEL",), "MODE": ("SEQUENTIAL",),
+        "TIMETAG_REF": ("RECEIVE",), "DATA_QUALITY": ("RAW", "VALIDATED", "DEGRADED"),
+    }  # fmt: skip
     if key in required and value not in required[key]:
         raise ValueError(f"line {number}: {key}={value} must be {' or '.join(required[key])}")
     segment.metadata[key] = value
@@ -203,17 +202,13 @@ def _tracking(segment: _Segment, band: str | None) -> RawTracking:
         if key not in left_out
     }
     return RawTracking(
-        station=segment.metadata[f"PARTICIPANT_{station}"],
-        band=_band(segment, band),
-        target=segment.metadata[f"PARTICIPANT_{target}"],
-        t_s=np.array(list(angles)),
-        azimuth_rad=columns["ANGLE_1"],
-        elevation_rad=columns["ANGLE_2"],
-        range_m=columns.get("RANGE"),
-        range_rate_m_s=columns.get("DOPPLER_INSTANTANEOUS"),
+        station=segment.metadata[f"PARTICIPANT_{station}"], band=_band(segment, band),
+        target=segment.metadata[f"PARTICIPANT_{target}"], t_s=np.array(list(angles)),
+        azimuth_rad=columns["ANGLE_1"], elevation_rad=columns["ANGLE_2"],
+        range_m=columns.get("RANGE"), range_rate_m_s=columns.get("DOPPLER_INSTANTANEOUS"),
         good=np.full(len(angles), segment.metadata.get("DATA_QUALITY") != "DEGRADED"),
         notes=tuple(f"{key}: {why}" for key, why in left_out.items()),
-    )
+    )  # fmt: skip
 
 
 def _participants(segment: _Segment) -> tuple[str, str]:
@@ -260,11 +255,9 @@ def _unusable(segment: _Segment, key: str) -> str:
 
 
 def _require_same_times(
-    key: str,
-    series: dict[float, tuple[int, float]],
-    other: str,
+    key: str, series: dict[float, tuple[int, float]], other: str,
     known: dict[float, tuple[int, float]],
-) -> None:
+) -> None:  # fmt: skip
     for t_s, (number, _) in series.items():
         if t_s not in known:
             raise ValueError(
@@ -288,32 +281,12 @@ def _correction(segment: _Segment, key: str) -> float:
     return value * _SCALE[key] if applied == "NO" else 0.0
 
 
-def _metadata_lines(track: RawTracking) -> list[str]:
-    times = track.t_s[track.good]
-    return [
-        "META_START",
-        "TIME_SYSTEM = UTC",
-        f"START_TIME = {to_utc_text(float(times[0]))}",
-        f"STOP_TIME = {to_utc_text(float(times[-1]))}",
-        f"PARTICIPANT_1 = {track.station}",
-        f"PARTICIPANT_2 = {track.target}",
-        "MODE = SEQUENTIAL",
-        "PATH = 2,1",
-        f"RECEIVE_BAND = {track.band}",
-        "ANGLE_TYPE = AZEL",
-        "RANGE_UNITS = km",
-        "META_STOP",
-    ]
-
-
 def _data_lines(track: RawTracking) -> list[str]:
     # Joints count turns, messages do not: an azimuth of 370 deg is not allowed.
     keys = {
-        "ANGLE_1": (np.mod(track.azimuth_rad, 2.0 * np.pi), 9),
-        "ANGLE_2": (track.elevation_rad, 9),
-        "RANGE": (track.range_m, 9),
-        "DOPPLER_INSTANTANEOUS": (track.range_rate_m_s, 12),
-    }
+        "ANGLE_1": (np.mod(track.azimuth_rad, 2.0 * np.pi), 9), "ANGLE_2": (track.elevation_rad, 9),
+        "RANGE": (track.range_m, 9), "DOPPLER_INSTANTANEOUS": (track.range_rate_m_s, 12),
+    }  # fmt: skip
     lines = ["DATA_START"]
     for row in np.flatnonzero(track.good):
         moment = to_utc_text(float(track.t_s[row]))

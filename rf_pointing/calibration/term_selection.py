@@ -30,7 +30,6 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.calibration.fit import fit_bias_model, held_at_zero
 from rf_pointing.calibration.fit_problem import FitProblem
@@ -39,8 +38,7 @@ from rf_pointing.calibration.normal_equations import NormalEquations
 from rf_pointing.calibration.observations import Observations
 from rf_pointing.calibration.pass_errors import PassPriors, SharedErrors
 from rf_pointing.calibration.terms import terms_by_name
-from rf_pointing.core import wrap_rad
-from rf_pointing.core.types import Array
+from rf_pointing.core import Array, BoolArray, IntArray, wrap_rad
 
 # Terms that enter and leave in turn would go on for ever.
 _MOST_STEPS = 100
@@ -64,7 +62,7 @@ _HALVINGS = 30
 class HeldOut:
     """How well a model predicts a pass it has not seen: on-sky rms per pass and of all."""
 
-    pass_ids: NDArray[np.int64]
+    pass_ids: IntArray
     rms_rad: Array
     total_rms_rad: float
 
@@ -83,16 +81,11 @@ class TermSelection:
 
 
 def select_terms(
-    observations: Observations,
-    candidates: Sequence[str],
-    *,
-    held: Mapping[str, float] | None = None,
-    pass_priors: PassPriors | None = None,
-    about: FitResult | None = None,
-    shared: SharedErrors | None = None,
-    nuisances: Sequence[Nuisance] = (),
-    always: Collection[str] = (),
-) -> TermSelection:
+    observations: Observations, candidates: Sequence[str], *,
+    held: Mapping[str, float] | None = None, pass_priors: PassPriors | None = None,
+    about: FitResult | None = None, shared: SharedErrors | None = None,
+    nuisances: Sequence[Nuisance] = (), always: Collection[str] = (),
+) -> TermSelection:  # fmt: skip
     """Return the `candidates` that the data support; the others count as zero.
 
     Those of `always` are chosen whatever the data show.  Terms that are not candidates have the
@@ -117,12 +110,9 @@ def select_terms(
 
 
 def held_out_passes(
-    observations: Observations,
-    terms: Sequence[str],
-    *,
-    held: Mapping[str, float] | None = None,
+    observations: Observations, terms: Sequence[str], *, held: Mapping[str, float] | None = None,
     pass_priors: PassPriors | None = None,
-) -> HeldOut:
+) -> HeldOut:  # fmt: skip
     """Fit without each pass in turn and return how far off the fit is on the pass left out."""
     # Not rows: those of a pass share its orbit error and would predict each other too well.
     fixed = held_at_zero(terms) if held is None else held
@@ -148,15 +138,10 @@ class _Search:
 
     @classmethod
     def of(
-        cls,
-        data: Observations,
-        names: tuple[str, ...],
-        held: Mapping[str, float],
-        pass_priors: PassPriors | None,
-        about: FitResult | None,
-        shared: SharedErrors | None,
+        cls, data: Observations, names: tuple[str, ...], held: Mapping[str, float],
+        pass_priors: PassPriors | None, about: FitResult | None, shared: SharedErrors | None,
         nuisances: Sequence[Nuisance],
-    ) -> "_Search":
+    ) -> "_Search":  # fmt: skip
         # Products of terms are not terms: a lag of 0.5 s alone looks as 0.12 s^2 more otherwise.
         form = "printed" if about is None else about.form
         problem = FitProblem(
@@ -273,7 +258,7 @@ class _Search:
             member[likely], weights / np.sum(weights), apart, np.maximum(wide, _NOTHING)
         )
 
-    def _posteriors(self, member: NDArray[np.bool_], share: float) -> tuple[Array, Array, Array]:
+    def _posteriors(self, member: BoolArray, share: float) -> tuple[Array, Array, Array]:
         """Return -2 ln of the weight (m,) of subsets (m, k), and values and sigma (m, k).
 
         They are zero of terms that are not in a subset.  Terms are of a `share` of the usual sizes.
@@ -307,7 +292,7 @@ class _Mixture:
     `apart` and `wide` (m, k) are means and sigmas about the fitted terms, in units of their sigma.
     """
 
-    member: NDArray[np.bool_]
+    member: BoolArray
     weights: Array
     apart: Array
     wide: Array

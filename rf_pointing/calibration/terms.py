@@ -19,13 +19,11 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
 from rf_pointing.calibration.angles import Angles
 from rf_pointing.core.mount_types import AZIMUTH_ELEVATION, MOUNTS
+from rf_pointing.core.types import Array
 
-Partial = Callable[[Angles], NDArray[np.float64]]
+Partial = Callable[[Angles], Array]
 # No mount is off by 6 deg and no drive lags by 10 s: what is larger was given in another unit.
 _LIMITS = {"rad": 0.1, "s": 10.0, "s^2": 100.0, "rad/K": 0.01}
 # One sigma over mounts: 0.1 deg, as the printed terms of 34-m antennas.
@@ -109,8 +107,8 @@ EXTENSION_TERMS: tuple[Term, ...] = (
 """Terms that may be added to the 14: harmonics, flexure beyond the zenith, temperature."""
 
 FLEXURE = Term(
-    "flexure", 11, "rad", "flexure", _LOW_AND_HIGH, lambda a: a.lift[0], lambda a: a.lift[1],
-)  # fmt: skip
+    "flexure", 11, "rad", "flexure", _LOW_AND_HIGH, lambda a: a.lift[0], lambda a: a.lift[1]
+)
 _DROOP, _LEANS = 11, ("mislevel_east", "mislevel_north")
 
 
@@ -122,13 +120,9 @@ def _of_axes(term: Term, kind: str) -> Term:
 
 
 _UPPER_COSINE = Term(
-    "elevation_encoder_cosine",
-    0,
-    "rad",
-    "additive",
-    _LOW_AND_HIGH,
+    "elevation_encoder_cosine", 0, "rad", "additive", _LOW_AND_HIGH,
     elevation=lambda a: a.cos_elevation(1),
-)
+)  # fmt: skip
 MOUNT_TERMS: Mapping[str, tuple[Term, ...]] = {
     kind: TERMS if kind == AZIMUTH_ELEVATION else tuple(_of_axes(term, kind) for term in TERMS)
     for kind in MOUNTS

@@ -46,14 +46,9 @@ class Thinned:
         """Return some of the points; the others are counted as dropped, sample by sample."""
         dropped = self.dropped | {why: int(np.sum(self.counts[~rows]))}
         return Thinned(
-            self.t_s[rows],
-            self.passes[rows],
-            self.residuals[rows],
-            self.counts[rows],
-            self.variance[rows],
-            self.freedom[rows],
-            dropped,
-        )
+            self.t_s[rows], self.passes[rows], self.residuals[rows], self.counts[rows],
+            self.variance[rows], self.freedom[rows], dropped,
+        )  # fmt: skip
 
     @property
     def noise(self) -> Array:

@@ -16,9 +16,7 @@ import numpy as np
 
 from rf_pointing.calibration.observations import COLUMNS, Observations
 from rf_pointing.calibration.raw_tracking import RawTracking
-from rf_pointing.core import from_degrees, to_degrees
-from rf_pointing.core.kinematics import LEVEL, Kinematics
-from rf_pointing.core.types import Array
+from rf_pointing.core import LEVEL, Array, Kinematics, from_degrees, to_degrees
 from rf_pointing.core.whole_file import JOURNAL_BYTES, read_bytes, read_whole, write_whole
 
 CsvTable = tuple[Mapping[str, str], Mapping[str, Array]]
@@ -38,16 +36,11 @@ def read_tracking(path: str | Path, mount: Kinematics = LEVEL) -> RawTracking:
         raise ValueError(f"{path}: column good must hold 0 or 1")
     _refuse_radians(path, column, "")
     return RawTracking(
-        station=notes["station"],
-        band=notes["band"],
-        target=notes["target"],
-        t_s=column["t_s"],
+        station=notes["station"], band=notes["band"], target=notes["target"], t_s=column["t_s"],
         azimuth_rad=np.radians(column["azimuth_deg"]),
-        elevation_rad=np.radians(column["elevation_deg"]),
-        range_m=column.get("range_m"),
-        range_rate_m_s=column.get("range_rate_m_s"),
-        good=good == 1.0,
-    )
+        elevation_rad=np.radians(column["elevation_deg"]), range_m=column.get("range_m"),
+        range_rate_m_s=column.get("range_rate_m_s"), good=good == 1.0,
+    )  # fmt: skip
 
 
 def read_observations(path: str | Path, mount: Kinematics = LEVEL) -> Observations:
@@ -197,12 +190,9 @@ def _head_and_lines(points: Observations) -> tuple[str, str]:
 
 
 def _read_table(
-    path: str | Path,
-    notes: Sequence[str],
-    needed: Sequence[str],
-    optional: Sequence[str],
+    path: str | Path, notes: Sequence[str], needed: Sequence[str], optional: Sequence[str],
     mount: Kinematics,
-) -> CsvTable:
+) -> CsvTable:  # fmt: skip
     """Return notes and columns (n,) of a table that has all `notes` and all `needed` columns."""
     # A column that is neither is an error, or one with a typing error would go unnoticed.
     source = Path(path)

@@ -44,12 +44,10 @@ def arguments() -> argparse.ArgumentParser:
     add("--shadow", dest="acceptance_passes", metavar="N", type=int, choices=range(2, 21), default=3,
         help="passes with the new model in the shadow before it is accepted (default: 3)")  # fmt: skip
     add_options(
-        parser,
-        RUN,
-        models={"default": DEFAULT_MODELS, "help": f"(default: {DEFAULT_MODELS})"},
+        parser, RUN, models={"default": DEFAULT_MODELS, "help": f"(default: {DEFAULT_MODELS})"},
         ephemeris_error="of the beacons (default: 0)",
         output="folder of bag and report (default: runs/calibration-TIME-NUMBER)",
-    )
+    )  # fmt: skip
     return parser
 
 

@@ -37,7 +37,3 @@ def main(argv: list[str] | None = None) -> None:
         found = check_clock(bags, station=options.station, namespace=options.namespace)
         print(found)
         sys.exit(1 if found.wrong else 0 if found.passes else 2)
-
-
-if __name__ == "__main__":
-    main()

@@ -17,10 +17,7 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from rf_pointing.commands.options import between, ending_with_reason
-from rf_pointing.core import AXES
-from rf_pointing.core.checks import Line
-from rf_pointing.core.parameters import read_parameter_files, with_leaves
-from rf_pointing.core.types import Pair
+from rf_pointing.core import AXES, Line, Pair, read_parameter_files, with_leaves
 from rf_pointing.drives import Drive, DriveParams, make_drive
 from rf_pointing.drives.conformance import ConformanceCheck
 from rf_pointing.station.antenna.simulated_antenna import AntennaParams
@@ -124,7 +121,3 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--move", action="store_true", help="move both axes, towards the middle of the travel and back")
     parser.add_argument("--degrees", type=between(0.1, 90.0), default=10.0, help="how far (default: 10)")
     return parser
-
-
-if __name__ == "__main__":
-    main()

@@ -70,7 +70,3 @@ def tick() -> float:
     """Wait for a tick of real time."""
     time.sleep(TICK_S)
     return time.time()
-
-
-if __name__ == "__main__":
-    main()

@@ -11,8 +11,7 @@ import sys
 from collections.abc import Iterable
 
 from rf_pointing.commands.options import ending_with_reason
-from rf_pointing.core import MDEG, parameter_unit
-from rf_pointing.core.derived import Value
+from rf_pointing.core import MDEG, Value, parameter_unit
 from rf_pointing.station.derive.band import Band
 from rf_pointing.station.derive.nodes import described_parameters
 from rf_pointing.station.derive.plants import FIRST_LOOP
@@ -119,7 +118,3 @@ def main(argv: list[str] | None = None) -> None:
         band = station.default_band if options.band is None else options.band
         print(urdf(station) if options.urdf else "\n".join(report(station, band, options.all)))
     sys.exit(0)
-
-
-if __name__ == "__main__":
-    main()

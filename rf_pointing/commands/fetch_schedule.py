@@ -15,8 +15,7 @@ from rf_pointing.commands.fetch_elements import show
 from rf_pointing.commands.options import between, ending_with_reason, say
 from rf_pointing.core.secret_files import secret_in
 from rf_pointing.core.whole_file import write_whole
-from rf_pointing.ephemeris.element_files import cache_folder
-from rf_pointing.ephemeris.fetching import Outcome, fetched, kept_outcomes
+from rf_pointing.ephemeris import Outcome, cache_folder, fetched, kept_outcomes
 from rf_pointing.operations.pass_list import to_calendar, to_csv, to_simple_schedule
 from rf_pointing.operations.schedule import ScheduledPass, require_each_once
 from rf_pointing.station.clients.fetched_schedule import SCHEDULES, passes_to_come, question, report_results

@@ -18,9 +18,7 @@ from rf_pointing.api.calibration import ELECTRONS_PER_TECU, DataFiles, fitted, r
 from rf_pointing.api.station import Station
 from rf_pointing.calibration import TERM_NAMES, Ionosphere, read_model
 from rf_pointing.commands.options import ELEMENTS_HELP, add_options, ending_with_reason, requested, say_of_elements
-from rf_pointing.core import MDEG
-from rf_pointing.core.dates import DAY_S
-from rf_pointing.core.refraction import RadioRefraction
+from rf_pointing.core import DAY_S, MDEG, RadioRefraction
 from rf_pointing.ephemeris.source import read_source
 from rf_pointing.station.campaign.offline_fit import FitRequest
 

@@ -14,15 +14,9 @@ from rf_pointing.station.description import StationError, station_from
 from rf_pointing.station.description.content import BandSection
 
 FREQUENCIES_MHZ = {
-    "VHF": 145.9,
-    "UHF": 436.5,
-    "L": 1690.0,
-    "S": 2250.0,
-    "C": 5000.0,
-    "X": 8200.0,
-    "Ku": 12000.0,
+    "VHF": 145.9, "UHF": 436.5, "L": 1690.0, "S": 2250.0, "C": 5000.0, "X": 8200.0, "Ku": 12000.0,
     "Ka": 26500.0,
-}
+}  # fmt: skip
 """Downlink frequency of each band; a description says the frequency, so any name will do."""
 
 MOUNT = """
@@ -125,7 +119,3 @@ def main(argv: list[str] | None = None) -> None:
     """Print the description."""
     with ending_with_reason("new_station"):
         sys.stdout.write(request_from(argv).description())
-
-
-if __name__ == "__main__":
-    main()

@@ -13,8 +13,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from rf_pointing.api.target import FIRST_SATELLITE, Target
-from rf_pointing.core.checks import one_of
-from rf_pointing.core.dates import parse_utc
+from rf_pointing.core import one_of, parse_utc
 from rf_pointing.ephemeris.source import unused
 from rf_pointing.station.description import DEFAULT_STATION, shipped_stations
 from rf_pointing.station.log_lines import say

@@ -15,7 +15,7 @@ import sys
 import time
 from pathlib import Path
 
-from rf_pointing.api.orbits import OrbitRequest
+from rf_pointing.api.orbits import orbit_from_passes
 from rf_pointing.api.station import Station
 from rf_pointing.api.target import Target
 from rf_pointing.commands.options import add_options, between, ending_with_reason, refusing, say, say_of_elements
@@ -62,13 +62,13 @@ def main(argv: list[str] | None = None) -> None:
         options = arguments().parse_args(argv)
         target = Target(location=options.elements, satellite=options.satellite)
         say_of_elements(target)
-        orbit = OrbitRequest(
-            paths=options.files, stations=[Station(one, options.band) for one in options.station],
-            target=target,
-            manoeuvre_t_s=options.manoeuvre, predict_hours=options.hours, clock_s=options.clock,
-            bias_mdeg=options.bias, max_age_s=options.max_age * DAY_S,
-            refraction_removed=options.refraction_removed, allow_damage=options.allow_damage,
-        ).run()  # fmt: skip
+        stations = [Station(one, options.band) for one in options.station]
+        orbit = orbit_from_passes(
+            options.files, stations, target, manoeuvre_t_s=options.manoeuvre,
+            predict_hours=options.hours, clock_s=options.clock, bias_mdeg=options.bias,
+            max_age_s=options.max_age * DAY_S, refraction_removed=options.refraction_removed,
+            allow_damage=options.allow_damage,
+        )  # fmt: skip
         print(orbit)
         if options.if_better and (why := orbit.reason_not_better):
             say(PROGRAM, f"not written: {why}")

@@ -21,10 +21,8 @@ from rf_pointing.api.target import Target
 from rf_pointing.calibration import CandidatePass, PassPriors, SectorRule, Slew
 from rf_pointing.calibration.terms import names_of
 from rf_pointing.commands.options import add_options, ending_with_reason, requested, say, say_of_elements
-from rf_pointing.core import MDEG, require_between
-from rf_pointing.core.dates import utc_text
-from rf_pointing.ephemeris import verification_elements
-from rf_pointing.ephemeris.source import read_source
+from rf_pointing.core import MDEG, require_between, utc_text
+from rf_pointing.ephemeris import read_source, verification_elements
 from rf_pointing.station.campaign.plan import ArcRules, beacons, candidate_arcs
 
 PROGRAM = "plan_calibration"
@@ -143,7 +141,7 @@ def arguments() -> argparse.ArgumentParser:
 
 def request_with(
     *, arc: list[float], spacing: float, sigma: float | None, settle: float, station: Station, **others: Any
-) -> CampaignRequest:  # fmt: skip
+) -> CampaignRequest:
     """Return the request of the options."""
     sigma_rad = station.calibrator.sigma_rad if sigma is None else sigma * MDEG
     rules = ArcRules(arcs_s=tuple(arc), spacing_s=spacing, sigma_rad=sigma_rad)

@@ -98,7 +98,3 @@ def main(argv: list[str] | None = None) -> None:
     say(PROGRAM, f"{passed} of {len(codes)} recordings passed, {refused} could not be replayed")
     # A suite of which one recording is refused has not passed; one that is all refused is nothing.
     sys.exit(2 if refused == len(codes) else 1 if passed < len(codes) else 0)
-
-
-if __name__ == "__main__":
-    main()

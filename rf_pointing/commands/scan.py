@@ -36,11 +36,9 @@ def add_pattern(add: Any) -> None:
     """Add the options of a scan, those of `ScanRequest`, and where the result goes."""
     add("--pattern", choices=PATTERNS, default="cross", help="way of the beam (default: cross)")
     add(
-        "--frame",
-        choices=FRAMES,
-        default="",
+        "--frame", choices=FRAMES, default="",
         help="axes of the pattern (default: cross_elevation; a drift: right_ascension)",
-    )
+    )  # fmt: skip
     add("--half-width", dest="half_width_deg", type=between(0.001, 20.0), metavar="DEG",
         help="from the target to the edge (default: 1.5 beamwidths and the source)")  # fmt: skip
     add("--rate", dest="rate_deg_s", type=between(1e-4, 10.0), metavar="DEG/S",
@@ -48,13 +46,9 @@ def add_pattern(add: Any) -> None:
     add("--baseline", dest="baseline_deg", type=between(0.0, 30.0), metavar="DEG",
         help="off the source before and after; 0: not (default: on noise only)")  # fmt: skip
     add(
-        "--dwell",
-        dest="dwell_s",
-        type=between(0.1, 3600.0),
-        default=5.0,
-        metavar="S",
+        "--dwell", dest="dwell_s", type=between(0.1, 3600.0), default=5.0, metavar="S",
         help="at each point (default: 5)",
-    )
+    )  # fmt: skip
     add("--lines", type=int, default=9, help="of a raster (default: 9)")
     add("--repetitions", type=int, default=2, help="(default: 2)")
     add("--sun-flux", dest="sun_flux_sfu", type=between(0.1, 1e6), metavar="SFU",
@@ -81,13 +75,9 @@ def arguments() -> argparse.ArgumentParser:
     add("--model", dest="bias_model", type=Path, metavar="FILE",
         help="bias model in force (default: the station's)")  # fmt: skip
     add(
-        "--start",
-        dest="start_s",
-        required=True,
-        metavar="UTC",
-        type=refusing(parse_utc),
+        "--start", dest="start_s", required=True, metavar="UTC", type=refusing(parse_utc),
         help="begin of the first scan",
-    )
+    )  # fmt: skip
     add("--count", type=int, default=1, metavar="N", help="scans (default: 1)")
     add("--every", type=between(0.1, 1440.0), default=20.0, metavar="MIN",
         help="from scan to scan (default: 20)")  # fmt: skip

@@ -34,9 +34,7 @@ from typing import Any
 
 from rf_pointing.commands.options import add_options, between, ending_with_reason, named, refusing
 from rf_pointing.commands.scan import add_pattern, live_scan
-from rf_pointing.core.dates import parse_utc
-from rf_pointing.core.parameters import leaves
-from rf_pointing.core.whole_file import DATA_BYTES, read_whole
+from rf_pointing.core import DATA_BYTES, leaves, parse_utc, read_whole
 from rf_pointing.ephemeris.target_offsets import TargetOffsets
 from rf_pointing.operations.pass_list import read_passes
 from rf_pointing.ros.station_client import JOG, NIGHT, StationClient

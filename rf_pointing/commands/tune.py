@@ -51,7 +51,3 @@ def main(argv: list[str] | None = None) -> None:
         files = tuning.write(options.output)
         print(f"{tuning}\n\n{tuning.block(options.output / 'lqg.json')}", end="")
         say(PROGRAM, ", ".join(map(str, files)))
-
-
-if __name__ == "__main__":
-    main()

@@ -45,11 +45,9 @@ def azel_from_unit_vector(enu: ArrayLike) -> tuple[NDArray[np.float64], NDArray[
 
 
 def sky_offset_rad(
-    azimuth_rad: ArrayLike,
-    elevation_rad: ArrayLike,
-    from_azimuth_rad: ArrayLike,
+    azimuth_rad: ArrayLike, elevation_rad: ArrayLike, from_azimuth_rad: ArrayLike,
     from_elevation_rad: ArrayLike,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:  # fmt: skip
     """Return cross-elevation and elevation of a direction seen from a beam, in the beam's frame.
 
     Exact on the sphere and regular at the zenith: the components of the direction along the beam's
@@ -89,11 +87,8 @@ def separation_rad(
         np.cos(angles).tolist(),
     )
     east_a, north_a, east_b, north_b = (
-        level_a * sin_a,
-        level_a * cos_a,
-        level_b * sin_b,
-        level_b * cos_b,
-    )
+        level_a * sin_a, level_a * cos_a, level_b * sin_b, level_b * cos_b,
+    )  # fmt: skip
     x, y, z = (
         north_a * up_b - up_a * north_b,
         up_a * east_b - east_a * up_b,
@@ -107,11 +102,9 @@ def separation_rad(
 
 
 def angular_distance_rad(
-    azimuth_rad: ArrayLike,
-    elevation_rad: ArrayLike,
-    other_azimuth_rad: ArrayLike,
+    azimuth_rad: ArrayLike, elevation_rad: ArrayLike, other_azimuth_rad: ArrayLike,
     other_elevation_rad: ArrayLike,
-) -> NDArray[np.float64]:
+) -> NDArray[np.float64]:  # fmt: skip
     """Return the angle between two directions, accurate for small and for large separations."""
     a = unit_vector_from_azel(azimuth_rad, elevation_rad)
     b = unit_vector_from_azel(other_azimuth_rad, other_elevation_rad)

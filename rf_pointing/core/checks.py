@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rf_pointing.core.types import Array
+
 LONGEST_NAME = 100
 """Longest name of a pass, a satellite, a band or a station, in characters."""
 LARGEST = 1e18
@@ -135,9 +137,7 @@ def require_choice(name: str, value: str, choices: Collection[str]) -> None:
         )
 
 
-def as_finite_array(
-    name: str, value: ArrayLike, shape: tuple[int | None, ...]
-) -> NDArray[np.float64]:
+def as_finite_array(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> Array:
     """Return `value` as a float array of `shape` (None: any length), or raise ValueError."""
     array = np.asarray(value, dtype=np.float64)
     # The first comparisons settle nearly all calls.

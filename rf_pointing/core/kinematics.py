@@ -60,14 +60,12 @@ def _x_y(mount: "Kinematics") -> tuple[Turn, ...]:
 
 
 CHAINS: Mapping[str, Callable[["Kinematics"], tuple[Turn, ...]]] = {
-    AZIMUTH_ELEVATION: lambda _: (),
-    "x_y": _x_y,
+    AZIMUTH_ELEVATION: lambda _: (), "x_y": _x_y,
     "ha_dec": lambda mount: (Turn(EAST, mount.latitude_rad - 0.5 * math.pi), Turn(UP, math.pi)),
     "azimuth_elevation_tilt": lambda mount: (
-        Turn(UP, -mount.train_rad),
-        Turn(EAST, -mount.tilt_rad),
+        Turn(UP, -mount.train_rad), Turn(EAST, -mount.tilt_rad),
     ),
-}
+}  # fmt: skip
 """The fixed rotations of every mount of `MOUNTS`."""
 
 
@@ -84,14 +82,14 @@ class Kinematics(Params):
         LOWER_AXES[0], "direction of the lower axis of an X-Y mount", choices=LOWER_AXES
     )
     latitude_rad: float = parameter(0.0, "latitude, for the polar axis of a mount of hour angle and declination",
-                                    low=-0.5 * math.pi, high=0.5 * math.pi)  # fmt: skip
-    tilt_rad: float = parameter(0.0, "angle by which the azimuth axis leans", low=0.0, high=0.8)
-    train_rad: float = parameter(0.0, "azimuth to which it leans", low=-20.0, high=20.0)
+                                    -0.5 * math.pi, 0.5 * math.pi)  # fmt: skip
+    tilt_rad: float = parameter(0.0, "angle by which the azimuth axis leans", 0.0, 0.8)
+    train_rad: float = parameter(0.0, "azimuth to which it leans", -20.0, 20.0)
     train_rate_rad_s: float = parameter(
         0.0,
         "rate at which it is turned to lean elsewhere before a pass; 0: it leans there for good",
-        low=0.0,
-        high=1.0,
+        0.0,
+        1.0,
     )
 
     def check_together(self) -> None:

@@ -32,41 +32,18 @@ P = TypeVar("P", bound="Params")
 _ORDERS = {"<": operator.lt, "<=": operator.le, ">=": operator.ge}
 
 _UNITS = {
-    "_rad_s3": "rad/s^3",
-    "_rad_s2": "rad/s^2",
-    "_rad_s": "rad/s",
-    "_rad": "rad",
-    "_deg_s3": "deg/s^3",
-    "_deg_s2": "deg/s^2",
-    "_deg_s": "deg/s",
-    "_deg": "deg",
-    "_m_s": "m/s",
-    "_db_hz": "dB-Hz",
-    "_dbw": "dBW",
-    "_dbi": "dBi",
-    "_db": "dB",
-    "_mhz": "MHz",
-    "_hz": "Hz",
-    "_kg_m2": "kg m^2",
-    "_n_m": "N m",
-    "_hpa": "hPa",
-    "_bits": "bit",
-    "_k": "K",
-    "_m2": "m^2",
-    "_km": "km",
-    "_m": "m",
-    "_s": "s",
-}
+    "_rad_s3": "rad/s^3", "_rad_s2": "rad/s^2", "_rad_s": "rad/s", "_rad": "rad",
+    "_deg_s3": "deg/s^3", "_deg_s2": "deg/s^2", "_deg_s": "deg/s", "_deg": "deg", "_m_s": "m/s",
+    "_db_hz": "dB-Hz", "_dbw": "dBW", "_dbi": "dBi", "_db": "dB", "_mhz": "MHz", "_hz": "Hz",
+    "_kg_m2": "kg m^2", "_n_m": "N m", "_hpa": "hPa", "_bits": "bit", "_k": "K", "_m2": "m^2",
+    "_km": "km", "_m": "m", "_s": "s",
+}  # fmt: skip
 
 
 def parameter(
-    default: Any = dataclasses.MISSING,
-    description: str = "",
-    low: float | None = None,
-    high: float | None = None,
-    *,
-    choices: Collection[str] | None = None,
-) -> Any:
+    default: Any = dataclasses.MISSING, description: str = "", low: float | None = None,
+    high: float | None = None, *, choices: Collection[str] | None = None,
+) -> Any:  # fmt: skip
     """Declare one field of a `Params` class; `low` and `high` are in the field's own unit."""
     if not description:
         raise ValueError("description='' must say what the parameter is")

@@ -54,14 +54,10 @@ class RadioRefraction(Params):
     """Refraction from the weather at the antenna; `standard` gives the mean of an altitude."""
 
     pressure_hpa: float = parameter(
-        1013.25, "air pressure at the antenna, not reduced to sea level", low=300.0, high=1100
+        1013.25, "air pressure at the antenna, not reduced to sea level", 300.0, 1100
     )
-    temperature_k: float = parameter(
-        288.15, "air temperature at the antenna", low=180.0, high=330.0
-    )
-    relative_humidity: float = parameter(
-        0.5, "relative humidity at the antenna, 0 to 1", low=0.0, high=1.0
-    )
+    temperature_k: float = parameter(288.15, "air temperature at the antenna", 180.0, 330.0)
+    relative_humidity: float = parameter(0.5, "relative humidity at the antenna, 0 to 1", 0.0, 1.0)
 
     def check_together(self) -> None:
         """Refuse air in which horizontal rays are trapped: no elevation correction exists there."""

@@ -15,8 +15,7 @@ import struct
 from collections.abc import Iterator
 from typing import Any, TypeVar
 
-from rf_pointing.core.checks import is_number, name_of
-from rf_pointing.core.whole_file import parse_json
+from rf_pointing.core import is_number, name_of, parse_json
 from rf_pointing.designate.report import Report, ReportNoise
 
 Velocity = tuple[float, float, float]
@@ -72,10 +71,8 @@ class Adsb(Decoder):
         if speed is not None and course is not None:
             east, north = math.sin(math.radians(course)), math.cos(math.radians(course))
             velocity = (
-                speed * KNOT_M_S * east,
-                speed * KNOT_M_S * north,
-                (climb or 0.0) * FOOT_M / 60.0,
-            )
+                speed * KNOT_M_S * east, speed * KNOT_M_S * north, (climb or 0.0) * FOOT_M / 60.0,
+            )  # fmt: skip
             _remember(self._velocities, name, t_s, velocity)
         if latitude is None or longitude is None:
             return []

@@ -21,8 +21,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rf_pointing.core import Motion
-from rf_pointing.core.types import Array
+from rf_pointing.core import Array, Motion
 from rf_pointing.designate.report import Report
 
 # Chi-square of three directions that a good report exceeds once in a million.
@@ -193,16 +192,16 @@ def _transition(step_s: float, correlation_s: float) -> Array:
     fade = math.exp(-u)
     # expm1 keeps the small differences of a short step.
     moved = correlation_s**2 * (u + math.expm1(-u))
-    return np.array([
-        [1.0, step_s, moved], [0.0, 1.0, -correlation_s * math.expm1(-u)], [0.0, 0.0, fade],
-    ])  # fmt: skip
+    return np.array(
+        [[1.0, step_s, moved], [0.0, 1.0, -correlation_s * math.expm1(-u)], [0.0, 0.0, fade]]
+    )
 
 
 def _process_noise(step_s: float, kind: TargetClass) -> Array:
     """Return the covariance (3, 3) that the manoeuvres of one axis add in a step."""
-    responses = np.array([
-        _transition(0.5 * step_s * (1.0 + node), kind.correlation_s)[:, 2] for node in _NODES
-    ])  # fmt: skip
+    responses = np.array(
+        [_transition(0.5 * step_s * (1.0 + node), kind.correlation_s)[:, 2] for node in _NODES]
+    )
     strength = kind.acceleration_m_s2**2 / kind.correlation_s * step_s
     found: Array = strength * (responses.T * _WEIGHTS) @ responses
     return found

@@ -10,8 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from rf_pointing.core import Motion, Quintic
-from rf_pointing.core.types import Array
+from rf_pointing.core import Array, Motion, Quintic
 from rf_pointing.designate.motion import ReportedMotion
 from rf_pointing.ephemeris.state_vector import StateVector
 

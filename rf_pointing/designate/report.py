@@ -10,9 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rf_pointing.core import Params, parameter, require_between, require_finite
-from rf_pointing.core.checks import require_name
-from rf_pointing.core.types import Array
+from rf_pointing.core import Array, Params, parameter, require_between, require_finite, require_name
 from rf_pointing.ephemeris.sites import Site, earth_fixed_m, local_axes
 
 # From below the lowest shore to beyond the Moon.
@@ -24,16 +22,14 @@ FASTEST_M_S = 2e4
 class ReportNoise(Params):
     """One-sigma errors of what a source reports."""
 
-    horizontal_m: float = parameter(30.0, "horizontal position", low=0.1, high=1e5)
+    horizontal_m: float = parameter(30.0, "horizontal position", 0.1, 1e5)
     vertical_m: float = parameter(
-        100.0, "height above the ellipsoid; barometric ones are off by this", low=0.1, high=1e5
+        100.0, "height above the ellipsoid; barometric ones are off by this", 0.1, 1e5
     )
-    velocity_m_s: float = parameter(3.0, "reported velocity, per axis", low=0.01, high=1e3)
-    time_s: float = parameter(0.3, "time of a report; acts along the velocity", low=0.0, high=60.0)
-    direction_rad: float = parameter(
-        math.radians(0.1), "reported azimuth and elevation", low=1e-6, high=0.2
-    )
-    range_m: float = parameter(50.0, "reported range", low=0.1, high=1e6)
+    velocity_m_s: float = parameter(3.0, "reported velocity, per axis", 0.01, 1e3)
+    time_s: float = parameter(0.3, "time of a report; acts along the velocity", 0.0, 60.0)
+    direction_rad: float = parameter(math.radians(0.1), "reported azimuth and elevation", 1e-6, 0.2)
+    range_m: float = parameter(50.0, "reported range", 0.1, 1e6)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,12 +68,10 @@ class Report:
         for speed in velocity_m_s or ():
             require_between("velocity_m_s", speed, -FASTEST_M_S, FASTEST_M_S)
         return cls(
-            t_s=t_s,
-            name=name,
-            position_m=np.array(earth_fixed_m(*where, height_m)),
+            t_s=t_s, name=name, position_m=np.array(earth_fixed_m(*where, height_m)),
             covariance_m2=(to_fixed * sigmas**2) @ to_fixed.T,
             velocity_m_s=None if velocity_m_s is None else to_fixed @ np.array(velocity_m_s),
-        )
+        )  # fmt: skip
 
     @classmethod
     def of_direction(
@@ -100,11 +94,9 @@ class Report:
         sigmas = np.array([noise.range_m, across_m, across_m])
         axes = to_fixed @ looks
         return cls(
-            t_s=t_s,
-            name=name,
-            position_m=np.array(site.position_m) + range_m * axes[:, 0],
+            t_s=t_s, name=name, position_m=np.array(site.position_m) + range_m * axes[:, 0],
             covariance_m2=(axes * sigmas**2) @ axes.T,
-        )
+        )  # fmt: skip
 
     @property
     def taken_s(self) -> float:

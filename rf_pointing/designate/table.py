@@ -15,12 +15,9 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from rf_pointing.core.dates import parse_utc
-from rf_pointing.core.types import Array
-from rf_pointing.core.whole_file import DATA_BYTES, read_whole
+from rf_pointing.core import DATA_BYTES, Array, parse_utc, read_whole
 from rf_pointing.designate.report import Report, ReportNoise
-from rf_pointing.ephemeris.sites import Site
-from rf_pointing.ephemeris.state_vector import StateVector
+from rf_pointing.ephemeris import Site, StateVector
 
 PLACES = ("time", "latitude_deg", "longitude_deg", "height_m")
 DIRECTIONS = ("time", "azimuth_deg", "elevation_deg")

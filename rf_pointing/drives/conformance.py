@@ -10,9 +10,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from rf_pointing.core import AXES, Motion
-from rf_pointing.core.checks import Line
-from rf_pointing.core.types import Pair
+from rf_pointing.core import AXES, Line, Motion, Pair
 from rf_pointing.drives.drive import POSITION, Drive, DriveReading
 from rf_pointing.drives.params import DriveParams
 from rf_pointing.drives.rotator import LONGEST_LATENCY_S, Rotator
@@ -181,7 +179,7 @@ class ConformanceCheck:
         self._pass(WATCH_S, turning=(0.0, 0.0))
         return lines
 
-    def _speed(self, axis: int, name: str, readings: list[tuple[float, float]], way: float) -> Line:
+    def _speed(self, axis: int, name: str, readings: list[Pair], way: float) -> Line:
         stated = self._params.rotator.rate_rad_s[axis]
         inside = [(t_s, angle) for t_s, angle in readings if 0.15 < angle / way < 0.85]
         if len(inside) < 2:
@@ -236,7 +234,7 @@ class ConformanceCheck:
 
     # Time
 
-    def _go(self, goal: Pair) -> list[tuple[float, float]]:
+    def _go(self, goal: Pair) -> list[Pair]:
         """Move to a place; return time and distance moved of the farther axis."""
         start = self._here_rad
         away = np.abs(np.subtract(goal, start))

@@ -4,8 +4,7 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from rf_pointing.core import Params, parameter
-from rf_pointing.core.types import Pair
+from rf_pointing.core import Pair, Params, parameter
 from rf_pointing.drives.drive import POSITION, Capabilities
 
 _NONE = (0.0, 0.0)

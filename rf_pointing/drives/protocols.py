@@ -17,8 +17,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import ClassVar
 
-from rf_pointing.core import require_choice
-from rf_pointing.core.types import Pair
+from rf_pointing.core import Pair, require_choice
 
 POSITION, DONE, REFUSED, LIMITS = "position", "done", "refused", "limits"
 ALARM, STATUS, NOISE = "alarm", "status", "noise"
@@ -224,11 +223,9 @@ class Gs232Protocol(LineProtocol):
     name = "GS-232"
     stop = Request("S", b"S\r")
     dialects = (
-        _dialect("b", rb"AZ\s*=\s*%s[\s,]*EL\s*=\s*%s"),
-        _dialect("a", rb"%s[\s,]*%s", _SIGNED),
-        _dialect("b_azimuth", rb"AZ\s*=\s*%s"),
-        _dialect("a_azimuth", rb"%s", _SIGNED),
-    )
+        _dialect("b", rb"AZ\s*=\s*%s[\s,]*EL\s*=\s*%s"), _dialect("a", rb"%s[\s,]*%s", _SIGNED),
+        _dialect("b_azimuth", rb"AZ\s*=\s*%s"), _dialect("a_azimuth", rb"%s", _SIGNED),
+    )  # fmt: skip
     _azimuth_alone = False
     """Whether C2 was refused, which boards without elevation do not know."""
 

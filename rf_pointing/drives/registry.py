@@ -9,9 +9,8 @@ A package of one's own registers a factory in its setup.cfg, which takes `DriveP
 
 import math
 
-from rf_pointing.core.checks import one_of
+from rf_pointing.core import Pair, one_of
 from rf_pointing.core.lazy import installed
-from rf_pointing.core.types import Pair
 from rf_pointing.drives.drive import Drive
 from rf_pointing.drives.params import DriveParams
 from rf_pointing.drives.protocols import PROTOCOLS, protocol_of

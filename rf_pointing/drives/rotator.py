@@ -20,8 +20,7 @@ from collections import deque
 from dataclasses import dataclass, field
 from operator import add, sub
 
-from rf_pointing.core import Motion, nearest_turn_rad
-from rf_pointing.core.types import TURN, Pair
+from rf_pointing.core import TURN, Motion, Pair, nearest_turn_rad
 from rf_pointing.drives.drive import Drive, DriveReading
 from rf_pointing.drives.params import RotatorParams
 

@@ -17,9 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 from sgp4.api import Satrec, SatrecArray
 
-from rf_pointing.core import azel_from_unit_vector, require_between, require_choice
+from rf_pointing.core import DAY_S, azel_from_unit_vector, require_between, require_choice, utc_text
 from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
-from rf_pointing.core.dates import DAY_S, utc_text
 from rf_pointing.core.refraction import RadioRefraction
 from rf_pointing.core.types import Array, BoolArray
 from rf_pointing.ephemeris.earth_orientation import IersEarthOrientation

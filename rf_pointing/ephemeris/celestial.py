@@ -17,9 +17,7 @@ from typing import Any
 import erfa
 import numpy as np
 
-from rf_pointing.core import require_between, require_choice
-from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
-from rf_pointing.core.dates import DAY_S
+from rf_pointing.core import DAY_S, SPEED_OF_LIGHT_M_S, require_between, require_choice
 from rf_pointing.ephemeris.celestial_frame import EARTH_RATE_RAD_S, earth_fixed_from_gcrs, tt_parts
 from rf_pointing.ephemeris.earth_orientation import IersEarthOrientation
 from rf_pointing.ephemeris.state_vector import OFFSETS, StateVector, Vector, motion_from_positions
@@ -156,14 +154,11 @@ def _source(name: str, hours: tuple[int, int, float], degrees: tuple[int, int, f
 # SIMBAD, ICRS.
 _PLACES = {
     "Cassiopeia A": ((23, 23, 24.0), (58, 48, 54.0)),
-    "Cygnus A": ((19, 59, 28.357), (40, 44, 2.10)),
-    "Taurus A": ((5, 34, 31.94), (22, 0, 52.2)),
-    "Virgo A": ((12, 30, 49.423), (12, 23, 28.04)),
-    "Orion A": ((5, 35, 17.3), (-5, 23, 28.0)),
-    "3C 84": ((3, 19, 48.160), (41, 30, 42.11)),
-    "3C 273": ((12, 29, 6.700), (2, 3, 8.60)),
+    "Cygnus A": ((19, 59, 28.357), (40, 44, 2.10)), "Taurus A": ((5, 34, 31.94), (22, 0, 52.2)),
+    "Virgo A": ((12, 30, 49.423), (12, 23, 28.04)), "Orion A": ((5, 35, 17.3), (-5, 23, 28.0)),
+    "3C 84": ((3, 19, 48.160), (41, 30, 42.11)), "3C 273": ((12, 29, 6.700), (2, 3, 8.60)),
     "3C 286": ((13, 31, 8.288), (30, 30, 32.96)),
-}
+}  # fmt: skip
 RADIO_SOURCES = {name: _source(name, *place) for name, place in _PLACES.items()}
 
 

@@ -13,8 +13,7 @@ from typing import Any
 import erfa
 import numpy as np
 
-from rf_pointing.core.dates import DAY_S
-from rf_pointing.core.types import Array
+from rf_pointing.core import DAY_S, Array
 from rf_pointing.ephemeris.earth_orientation import IersEarthOrientation
 from rf_pointing.ephemeris.state_vector import StateVector, Vector, dot, turned_about_z
 from rf_pointing.ephemeris.time_scales import POSIX_EPOCH_JD, TT_MINUS_TAI_S, leap_seconds

@@ -14,8 +14,7 @@ ties that are weak next to the strongest are not counted: they are truncation, n
 
 import numpy as np
 
-from rf_pointing.core.constants import EARTH_MU_M3_S2, EARTH_RADIUS_M
-from rf_pointing.core.types import Array
+from rf_pointing.core import EARTH_MU_M3_S2, EARTH_RADIUS_M, Array
 from rf_pointing.ephemeris.celestial_frame import EARTH_RATE_RAD_S
 
 OFF_M = 100.0

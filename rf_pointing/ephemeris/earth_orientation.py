@@ -21,8 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.core.dates import DAY_S, utc_text
-from rf_pointing.core.types import Array
+from rf_pointing.core import DAY_S, Array, Pair, utc_text
 from rf_pointing.ephemeris.time_scales import leap_seconds
 
 _ARCSEC = math.radians(1.0 / 3600.0)
@@ -54,7 +53,7 @@ class OrientationTable:
     t_s: Array
     values: tuple[Array, Array, Array]
     columns: tuple[list[float], list[float], list[float]]
-    span_t_s: tuple[float, float]
+    span_t_s: Pair
     last_measured_t_s: float
 
 
@@ -109,7 +108,7 @@ def _pole_columns(days: Array) -> Array:
     return np.stack([np.ones_like(days), days / _POLE_DAYS, *waves], axis=1)
 
 
-def predicted_sigmas(days: float) -> tuple[float, float]:
+def predicted_sigmas(days: float) -> Pair:
     """Return the sigmas of UT1 [s] and of each coordinate of the pole [rad], `days` ahead."""
     if days > PREDICTED_DAYS:
         return _FIXED_SIGMAS
@@ -171,7 +170,7 @@ class IersEarthOrientation:
         ut1_minus_tai, x, y = (np.interp(times, table.t_s, values) for values in table.values)
         return EarthOrientation(ut1_minus_tai + leap_seconds().tai_minus_utc_s(times), x, y)
 
-    def sigmas_at(self, t_s: float) -> tuple[float, float]:
+    def sigmas_at(self, t_s: float) -> Pair:
         """Return the sigmas of UT1 [s] and of each coordinate of the pole [rad]; 0 if measured."""
         _require_known(t_s)
         return predicted_sigmas((t_s - orientation_table().last_measured_t_s) / DAY_S)

@@ -15,8 +15,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from rf_pointing.core.checks import name_of
-from rf_pointing.core.dates import DAY_S, from_utc_text, to_utc_text
+from rf_pointing.core import DAY_S, from_utc_text, name_of, to_utc_text
 from rf_pointing.core.kvn import key_and_value, without_unit
 from rf_pointing.core.whole_file import DEEPEST, parse_json
 from rf_pointing.ephemeris.elements import MEAN_MOTIONS, Elements

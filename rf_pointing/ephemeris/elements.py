@@ -11,9 +11,8 @@ from dataclasses import dataclass, fields
 
 from sgp4.api import WGS72, Satrec
 
-from rf_pointing.core import require_between, require_finite
+from rf_pointing.core import DAY_S, require_between, require_finite
 from rf_pointing.core.checks import near_names
-from rf_pointing.core.dates import DAY_S
 
 # From 1949-12-31T00:00, where the propagator counts from, to 1970-01-01.
 _DAYS_1949_TO_1970 = 7306.0

@@ -23,8 +23,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import SplitResult, urljoin, urlsplit
 
-from rf_pointing.core.checks import brief
-from rf_pointing.core.whole_file import DATA_BYTES, KeptState, write_whole
+from rf_pointing.core import DATA_BYTES, KeptState, brief, write_whole
 from rf_pointing.ephemeris.element_files import cache_folder, is_address, kept_file
 
 HOUR_S = 3600.0

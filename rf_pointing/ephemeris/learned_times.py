@@ -18,10 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from rf_pointing.core import HeldDirection
-from rf_pointing.core.dates import DAY_S
-from rf_pointing.core.types import Array
-from rf_pointing.core.whole_file import KeptState
+from rf_pointing.core import DAY_S, Array, HeldDirection, KeptState, Pair
 from rf_pointing.ephemeris.elements import Elements
 from rf_pointing.ephemeris.state_vector import norm
 from rf_pointing.ephemeris.track import TopocentricTrack
@@ -175,7 +172,7 @@ class LearnedTimes:
         self._state.keep({name: asdict(one) for name, one in self._known.items()})
 
 
-def fitted_time(track: TopocentricTrack, held: Sequence[HeldDirection]) -> tuple[float, float]:
+def fitted_time(track: TopocentricTrack, held: Sequence[HeldDirection]) -> Pair:
     """Return how far ahead of its elements a target was that was held in these directions.
 
     Seconds and their standard deviation: by least squares with the distance across the track and
@@ -225,7 +222,7 @@ def _lawful_s(track: TopocentricTrack, t_s: float, law: ElementUncertainty) -> f
 
 def _unlearned(
     elements: Elements, track: TopocentricTrack, t_s: float, law: ElementUncertainty, along_s: float
-) -> LearnedTime:  # fmt: skip
+) -> LearnedTime:
     """Return what the law says before the first pass, which gave `along_s`: on time, with errors.
 
     A pass that the law cannot explain is believed all the same, and may drift as it came.

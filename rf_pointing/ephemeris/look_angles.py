@@ -20,8 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
-from rf_pointing.core.types import Array
+from rf_pointing.core import SPEED_OF_LIGHT_M_S, Array
 from rf_pointing.ephemeris.state_vector import StateVector, Vector, combined, cross, dot, norm, root
 
 Unit = tuple[Vector, Vector, Vector]
@@ -173,6 +172,4 @@ def angles_and_rates(enu: StateVector) -> tuple[Any, Any, Any, Any, Any, Any]:
     azimuth_acceleration = (n * e2 - e * n2) / (h * h) - 2.0 * azimuth_rate * h1 / h
     elevation_acceleration = (h * u2 - u * h2) / rho2 - 2.0 * elevation_rate * (h * h1 + u * u1) / rho2
     arctan2: Any = math.atan2 if isinstance(u, float) else np.arctan2
-    return (
-        arctan2(e, n), arctan2(u, h), azimuth_rate, elevation_rate, azimuth_acceleration, elevation_acceleration,
-    )  # fmt: skip
+    return (arctan2(e, n), arctan2(u, h), azimuth_rate, elevation_rate, azimuth_acceleration, elevation_acceleration)

@@ -18,12 +18,9 @@ from typing import Any, NamedTuple
 import erfa
 import numpy as np
 
-from rf_pointing.core import require_choice
-from rf_pointing.core.checks import name_of
-from rf_pointing.core.constants import EARTH_MU_M3_S2, EARTH_RADIUS_M
+from rf_pointing.core import EARTH_MU_M3_S2, EARTH_RADIUS_M, Array, Pair, name_of, require_choice
 from rf_pointing.core.dates import DAY_S, from_utc_text, to_utc_text, utc_text
 from rf_pointing.core.kvn import key_and_value
-from rf_pointing.core.types import Array
 from rf_pointing.ephemeris import time_scales
 from rf_pointing.ephemeris.celestial_frame import EARTH_RATE_RAD_S, earth_fixed_from_gcrs
 from rf_pointing.ephemeris.earth_orientation import IersEarthOrientation
@@ -334,7 +331,7 @@ def _require_near_the_earth(states: list[State], values: Array) -> None:
             raise ValueError(f"line {state.number}: speed {1e-3 * fast:.6g} km/s {bound}")
 
 
-def _usable(meta: dict[str, str], tai_s: Array) -> tuple[float, float]:
+def _usable(meta: dict[str, str], tai_s: Array) -> Pair:
     """Return the usable span in TAI seconds; its ends may lie a step beyond the states."""
     keys = [f"USEABLE_{key}" if meta.get(f"USEABLE_{key}") else key for key in ("START_TIME", "STOP_TIME")]
     first, last = (_tai_of(key, meta[key], meta["TIME_SYSTEM"]) for key in keys)
@@ -407,7 +404,7 @@ class OemTarget:
         self._polynomial = lru_cache(maxsize=4096)(self._solved_polynomial)
 
     @property
-    def spans_t_s(self) -> tuple[tuple[float, float], ...]:
+    def spans_t_s(self) -> tuple[Pair, ...]:
         """First and last UTC times of what is usable without a gap, a second of light inside."""
         joined: list[list[float]] = []
         for first, last in sorted((segment.usable_from_s, segment.usable_to_s) for segment in self._segments):

@@ -11,9 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rf_pointing.core import require_between
-from rf_pointing.core.dates import utc_text
-from rf_pointing.core.types import Array, BoolArray
+from rf_pointing.core import Array, BoolArray, Pair, require_between, utc_text
 from rf_pointing.ephemeris.elements import Elements
 from rf_pointing.ephemeris.look_angles import angles_and_rates
 from rf_pointing.ephemeris.state_vector import StateVector, norm, rows_of
@@ -169,7 +167,7 @@ def first_pass_above(
     )
 
 
-def _known(track: TopocentricTrack, start_t_s: float, duration_s: float) -> list[tuple[float, float]]:
+def _known(track: TopocentricTrack, start_t_s: float, duration_s: float) -> list[Pair]:
     """Return starts and durations of the parts of a search in which the target is known."""
     ends = [(max(start_t_s, first), min(start_t_s + duration_s, last)) for first, last in track.spans_t_s]
     parts = [(low, high - low) for low, high in ends if high > low]

@@ -24,13 +24,12 @@ class SatelliteAntennaParams(Params):
     """Pattern of the antenna, and attitude of the satellite that carries it."""
 
     half_power_beamwidth_rad: float = parameter(
-        0.0, "full width at half power of the satellite's antenna; 0: it sends alike in all directions",
-        low=0.0, high=math.pi,
-    )  # fmt: skip
-    floor_db: float = parameter(-20.0, "least gain against that on the axis", low=-80.0, high=0.0)
-    roll_rad: float = parameter(0.0, "turn about the flight direction", low=-math.pi, high=math.pi)
-    pitch_rad: float = parameter(0.0, "turn about the orbit's negative normal", low=-math.pi, high=math.pi)
-    yaw_rad: float = parameter(0.0, "turn about the nadir", low=-math.pi, high=math.pi)
+        0.0, "full width at half power of the satellite's antenna; 0: it sends alike in all directions", 0.0, math.pi
+    )
+    floor_db: float = parameter(-20.0, "least gain against that on the axis", -80.0, 0.0)
+    roll_rad: float = parameter(0.0, "turn about the flight direction", -math.pi, math.pi)
+    pitch_rad: float = parameter(0.0, "turn about the orbit's negative normal", -math.pi, math.pi)
+    yaw_rad: float = parameter(0.0, "turn about the nadir", -math.pi, math.pi)
 
     @cached_property
     def axis(self) -> Vector:

@@ -13,10 +13,9 @@ from typing import Any
 
 import erfa
 import numpy as np
-from numpy.typing import NDArray
 from sgp4.api import SGP4_ERRORS, Satrec
 
-from rf_pointing.core.dates import DAY_S, utc_text
+from rf_pointing.core import DAY_S, Array, BoolArray, utc_text
 from rf_pointing.ephemeris.earth_orientation import IersEarthOrientation
 from rf_pointing.ephemeris.elements import Elements
 from rf_pointing.ephemeris.state_vector import OFFSETS, StateVector, motion_from_positions, turned_about_z
@@ -118,7 +117,7 @@ class Sgp4Orbit:
         # The differences of `motion_at` need positions on both sides; one step for a leap second.
         return max(early_s - 3.0 * _STEP_S, 0.0)
 
-    def _in_orbit(self, elapsed_s: NDArray[np.float64]) -> NDArray[np.bool_]:
+    def _in_orbit(self, elapsed_s: Array) -> BoolArray:
         whole = np.full(elapsed_s.shape, self._record.jdsatepoch)
         codes, positions, _ = self._record.sgp4_array(whole, self._record.jdsatepochF + elapsed_s / DAY_S)
         radius_km = np.sqrt(np.einsum("nc,nc->n", positions, positions))

@@ -9,8 +9,7 @@ import math
 from dataclasses import dataclass
 from functools import cached_property
 
-from rf_pointing.core import Params, parameter, require_choice
-from rf_pointing.core.constants import EARTH_RADIUS_M
+from rf_pointing.core import EARTH_RADIUS_M, Params, parameter, require_choice
 
 Vector = tuple[float, float, float]
 

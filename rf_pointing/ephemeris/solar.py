@@ -9,11 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rf_pointing.core import Params, parameter
-from rf_pointing.core.checks import require_name
-from rf_pointing.core.dates import utc_text
+from rf_pointing.core import Array, Pair, Params, parameter, require_name, utc_text
 from rf_pointing.core.kinematics import LEVEL, Kinematics
-from rf_pointing.core.types import Array
 from rf_pointing.ephemeris.celestial import sun
 from rf_pointing.ephemeris.sites import SITES, Site
 from rf_pointing.ephemeris.track import TopocentricTrack
@@ -72,7 +69,7 @@ class SolarDirection:
         self._track = TopocentricTrack(sun(), params.site) if params.watched else None
         self.unknown = "" if params.watched else "it is not watched"
         self._renewed_s = -math.inf
-        self._direction: tuple[float, float] | None = None
+        self._direction: Pair | None = None
         self._path: tuple[Array, Array] = np.empty(0), np.empty((0, 2))
         self.permit: SunPermit | None = None
 
@@ -81,7 +78,7 @@ class SolarDirection:
         permit = self.permit
         return permit if permit is not None and t_s < permit.until_t_s else None
 
-    def avoided(self, t_s: float) -> tuple[float, float] | None:
+    def avoided(self, t_s: float) -> Pair | None:
         """Return the direction to keep away from, None where it is unknown or permitted."""
         return None if self.permitted(t_s) else self.at(t_s)
 
@@ -104,7 +101,7 @@ class SolarDirection:
         times = np.asarray(t_s + PATH_STEP_S * steps, dtype=np.float64)
         return times, np.column_stack([np.interp(times, known_s, each) for each in path.T])
 
-    def at(self, t_s: float) -> tuple[float, float] | None:
+    def at(self, t_s: float) -> Pair | None:
         """Return azimuth and elevation at `t_s`, at most `RENEWAL_S` old."""
         # Not renewed within RENEWAL_S, but at once when time went back.
         if self._track is not None and not 0.0 <= t_s - self._renewed_s < RENEWAL_S:

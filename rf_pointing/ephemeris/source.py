@@ -11,10 +11,7 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache, partial
 from pathlib import Path
 
-from rf_pointing.core import parameter
-from rf_pointing.core.dates import DAY_S
-from rf_pointing.core.refraction import RadioRefraction
-from rf_pointing.core.whole_file import KeptState
+from rf_pointing.core import DAY_S, KeptState, RadioRefraction, parameter
 from rf_pointing.ephemeris import celestial
 from rf_pointing.ephemeris.element_files import element_files, version_of
 from rf_pointing.ephemeris.elements import Elements, find_elements
@@ -60,12 +57,10 @@ class SourceParams(TargetOffsets):
     interpolation: str = parameter(
         "", "method for an OEM that declares none; empty: such an OEM is refused", choices=("", *METHODS)
     )
-    interpolation_degree: int = parameter(7, "its degree", low=1, high=15)
+    interpolation_degree: int = parameter(7, "its degree", 1, 15)
     hold: bool = parameter(False, "the target stands still on the sky where it was when this was set")
-    stale_days: float = parameter(
-        2.0, "age from the epoch at which elements are stale: a warning", low=0.0, high=3650.0
-    )
-    max_age_days: float = parameter(14.0, "age from the epoch at which elements are expired", low=0.01, high=3650.0)
+    stale_days: float = parameter(2.0, "age from the epoch at which elements are stale: a warning", 0.0, 3650.0)
+    max_age_days: float = parameter(14.0, "age from the epoch at which elements are expired", 0.01, 3650.0)
     refraction: str = parameter(
         "standard", "weather of the refraction: mean of the altitude, measured, or a vacuum",
         choices=("standard", "measured", "none"),

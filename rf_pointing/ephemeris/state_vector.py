@@ -141,11 +141,9 @@ OFFSETS = (-2.0, -1.0, 0.0, 1.0, 2.0)
 
 # The jerk is of second order only: it serves the light time alone, where less will do.
 _STENCILS = (
-    (0.0, 0.0, 1.0, 0.0, 0.0),
-    (1.0 / 12.0, -2.0 / 3.0, 0.0, 2.0 / 3.0, -1.0 / 12.0),
-    (-1.0 / 12.0, 4.0 / 3.0, -2.5, 4.0 / 3.0, -1.0 / 12.0),
-    (-0.5, 1.0, 0.0, -1.0, 0.5),
-)
+    (0.0, 0.0, 1.0, 0.0, 0.0), (1.0 / 12.0, -2.0 / 3.0, 0.0, 2.0 / 3.0, -1.0 / 12.0),
+    (-1.0 / 12.0, 4.0 / 3.0, -2.5, 4.0 / 3.0, -1.0 / 12.0), (-0.5, 1.0, 0.0, -1.0, 0.5),
+)  # fmt: skip
 
 
 def motion_from_positions(positions: Any, step_s: float, unit_m: float) -> StateVector:

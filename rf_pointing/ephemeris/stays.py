@@ -14,10 +14,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from rf_pointing.core import require_between
-from rf_pointing.core.refraction import RadioRefraction
+from rf_pointing.core import Array, BoolArray, IntArray, RadioRefraction, require_between
 from rf_pointing.core.roots import roots_between
-from rf_pointing.core.types import Array, BoolArray, IntArray
 
 # Lowest elevation (n,) at azimuths (n,) on any turn.
 Horizon = Callable[[Array], Array]

@@ -14,10 +14,7 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
-from rf_pointing.core import Params, parameter, require_choice
-from rf_pointing.core.checks import require_id
-from rf_pointing.core.types import Pair
-from rf_pointing.core.whole_file import KeptState
+from rf_pointing.core import KeptState, Params, parameter, require_choice, require_id
 from rf_pointing.ephemeris.look_angles import moved_about, moved_across, moved_towards
 from rf_pointing.ephemeris.sites import Site
 from rf_pointing.ephemeris.state_vector import StateVector
@@ -28,7 +25,7 @@ MOST_SETS = 100
 
 
 def _angle(text: str) -> float:
-    found: float = parameter(0.0, text, low=-LARGEST_RAD, high=LARGEST_RAD)
+    found: float = parameter(0.0, text, -LARGEST_RAD, LARGEST_RAD)
     return found
 
 
@@ -36,10 +33,10 @@ def _angle(text: str) -> float:
 class TargetOffsets(Params):
     """Offsets that an operator adds to a target."""
 
-    along_track_offset_s: float = parameter(0.0, "target ahead of its elements by", low=-LARGEST_S, high=LARGEST_S)
+    along_track_offset_s: float = parameter(0.0, "target ahead of its elements by", -LARGEST_S, LARGEST_S)
     cross_track_offset_rad: float = _angle("target right of its elements by")
     time_offset_s: float = parameter(
-        0.0, "target where it is so much later, the Earth turned too", low=-LARGEST_S, high=LARGEST_S
+        0.0, "target where it is so much later, the Earth turned too", -LARGEST_S, LARGEST_S
     )
     azimuth_offset_rad: float = _angle("added to the azimuth")
     elevation_offset_rad: float = _angle("added to the apparent elevation")
@@ -75,11 +72,6 @@ class TargetOffsets(Params):
         if self.cross_elevation_offset_rad:
             enu = moved_across(enu, self.cross_elevation_offset_rad, UP)
         return enu
-
-    @property
-    def on_axes_rad(self) -> Pair:
-        """The offsets of the apparent angles."""
-        return self.azimuth_offset_rad, self.elevation_offset_rad
 
 
 OFFSETS = tuple(each.name for each in fields(TargetOffsets))

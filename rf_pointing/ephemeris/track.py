@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING, Any, Literal, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rf_pointing.core import Target, nearest_turn_rad, require_choice, require_finite
+from rf_pointing.core import DAY_S, Target, nearest_turn_rad, require_choice, require_finite
 from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
-from rf_pointing.core.dates import DAY_S
 from rf_pointing.core.refraction import RadioRefraction
 from rf_pointing.ephemeris.earth_orientation import IersEarthOrientation
 from rf_pointing.ephemeris.elements import Elements
@@ -197,7 +196,7 @@ class TopocentricTrack:
         }  # fmt: skip
         if self.hold_t_s is not None:
             rates = dict.fromkeys(rates, still)
-        right, up = self.offsets.on_axes_rad
+        right, up = self.offsets.azimuth_offset_rad, self.offsets.elevation_offset_rad
         place = {
             "azimuth_rad": azimuth + right, "elevation_rad": elevation + up, "range_m": range_m,
             "true_elevation_rad": true + up,
@@ -213,6 +212,5 @@ class TopocentricTrack:
 
 def _inertial_motion_of(site: Site, rate_rad_s: float) -> StateVector:
     """StateVector of the antenna with the turning Earth, in Earth-fixed axes."""
-    x, y, z = site.position_m
-    w = rate_rad_s
+    (x, y, z), w = site.position_m, rate_rad_s
     return StateVector((x, y, z), (-w * y, w * x, 0.0), (-(w**2) * x, -(w**2) * y, 0.0), (w**3 * y, -(w**3) * x, 0.0))

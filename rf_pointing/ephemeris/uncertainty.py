@@ -22,10 +22,8 @@ from typing import Any
 
 import numpy as np
 
-from rf_pointing.core import Params, SkyUncertainty, Target, parameter
-from rf_pointing.core.dates import DAY_S
+from rf_pointing.core import DAY_S, Array, Params, SkyUncertainty, Target, parameter
 from rf_pointing.core.signals import LEAST_KNOWN_S
-from rf_pointing.core.types import Array
 from rf_pointing.ephemeris.elements import Elements
 from rf_pointing.ephemeris.oem import OemTarget
 from rf_pointing.ephemeris.state_vector import StateVector, combined, cross, dot, norm, rotated
@@ -39,18 +37,16 @@ DRIFT_OF_SPEED = 3.0
 class ElementUncertainty(Params):
     """One-sigma position errors of mean elements against their age."""
 
-    along_m: float = parameter(700.0, "along-track sigma at the epoch", low=0.0, high=1e6)
-    along_growth_m_s: float = parameter(1000.0 / DAY_S, "its growth, by default 1 km a day", low=0.0, high=10.0)
-    along_drag_m_s2: float = parameter(
-        200.0 / DAY_S**2, "its quadratic growth, by default 0.2 km/day^2", low=0.0, high=1
-    )
-    cross_m: float = parameter(300.0, "cross-track sigma at the epoch", low=0.0, high=1e6)
-    cross_growth_m_s: float = parameter(100.0 / DAY_S, "its growth, by default 0.1 km a day", low=0.0, high=10.0)
-    radial_m: float = parameter(300.0, "radial sigma at the epoch", low=0.0, high=1e6)
-    radial_growth_m_s: float = parameter(100.0 / DAY_S, "its growth, by default 0.1 km a day", low=0.0, high=10.0)
+    along_m: float = parameter(700.0, "along-track sigma at the epoch", 0.0, 1e6)
+    along_growth_m_s: float = parameter(1000.0 / DAY_S, "its growth, by default 1 km a day", 0.0, 10.0)
+    along_drag_m_s2: float = parameter(200.0 / DAY_S**2, "its quadratic growth, by default 0.2 km/day^2", 0.0, 1)
+    cross_m: float = parameter(300.0, "cross-track sigma at the epoch", 0.0, 1e6)
+    cross_growth_m_s: float = parameter(100.0 / DAY_S, "its growth, by default 0.1 km a day", 0.0, 10.0)
+    radial_m: float = parameter(300.0, "radial sigma at the epoch", 0.0, 1e6)
+    radial_growth_m_s: float = parameter(100.0 / DAY_S, "its growth, by default 0.1 km a day", 0.0, 10.0)
 
     manoeuvre_m_s: float = parameter(
-        0.0, "speed that a manoeuvre since the epoch may have changed, one sigma; 0: none", low=0.0, high=1e3
+        0.0, "speed that a manoeuvre since the epoch may have changed, one sigma; 0: none", 0.0, 1e3
     )
 
     def sigmas_m(self, age_s: float) -> tuple[float, float, float]:

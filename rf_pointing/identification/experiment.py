@@ -20,11 +20,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
 
 from rf_pointing.core import AXES, Params, as_finite_array, parameter, require_between, require_choice
-from rf_pointing.core.types import Array
+from rf_pointing.core.types import Array, BoolArray, Pair
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,19 +32,17 @@ class ExcitationParams(Params):
     """One sequence of rate input."""
 
     kind: str = parameter("white", "white noise or multisine", choices=("white", "multisine"))
-    samples: int = parameter(8192, "samples per sequence", low=64, high=1_048_576)
-    sample_s: float = parameter(0.02, "time between samples", low=1e-3, high=1.0)
-    mean_rad_s: float = parameter(math.radians(0.056), "mean of the rate input", low=-0.1, high=0.1)
-    rms_rad_s: float = parameter(math.radians(0.028), "rms of the rate input about its mean", low=1e-9, high=0.1)
-    peak_rad_s: float = parameter(
-        math.radians(0.2), "largest rate input; what exceeds it is clipped", low=1e-9, high=0.2
-    )
+    samples: int = parameter(8192, "samples per sequence", 64, 1_048_576)
+    sample_s: float = parameter(0.02, "time between samples", 1e-3, 1.0)
+    mean_rad_s: float = parameter(math.radians(0.056), "mean of the rate input", -0.1, 0.1)
+    rms_rad_s: float = parameter(math.radians(0.028), "rms of the rate input about its mean", 1e-9, 0.1)
+    peak_rad_s: float = parameter(math.radians(0.2), "largest rate input; what exceeds it is clipped", 1e-9, 0.2)
     # Friction at rest sticks and slips with the driven axis, which is not linear.
     idle_rate_rad_s: float = parameter(
-        0.0, "constant rate of the other axis, which keeps its friction from sticking", low=-1e-3, high=1e-3
+        0.0, "constant rate of the other axis, which keeps its friction from sticking", -1e-3, 1e-3
     )
-    low_hz: float = parameter(0.01, "lowest frequency of the multisine", low=1e-5, high=100.0)
-    high_hz: float = parameter(12.0, "highest frequency of the multisine", low=1e-4, high=500.0)
+    low_hz: float = parameter(0.01, "lowest frequency of the multisine", 1e-5, 100.0)
+    high_hz: float = parameter(12.0, "highest frequency of the multisine", 1e-4, 500.0)
 
     ordered = ("low_hz < high_hz",)
 
@@ -70,7 +68,7 @@ def excitation_rad_s(params: ExcitationParams, random: "np.random.Generator") ->
     return np.clip(params.mean_rad_s + sequence, -params.peak_rad_s, params.peak_rad_s)
 
 
-def predicted_travel_rad(rate_rad_s: Array, sample_s: float) -> tuple[float, float]:
+def predicted_travel_rad(rate_rad_s: Array, sample_s: float) -> Pair:
     """Return how far a rate input carries the axis below and above its start, (<= 0, >= 0)."""
     require_between("sample_s", sample_s, 1e-6, None)
     path = np.cumsum(rate_rad_s) * sample_s
@@ -109,15 +107,9 @@ class IdentificationExperiment:
     """
 
     def __init__(
-        self,
-        params: ExcitationParams,
-        axis: str,
-        sequences: int,
-        start_rad: float,
-        travel_rad: tuple[float, float],
-        random: "np.random.Generator",
-        margin_rad: float = 0.01,
-    ) -> None:
+        self, params: ExcitationParams, axis: str, sequences: int, start_rad: float,
+        travel_rad: Pair, random: "np.random.Generator", margin_rad: float = 0.01,
+    ) -> None:  # fmt: skip
         require_choice("axis", axis, AXES)
         require_between("sequences", sequences, 1, 1000)
         require_between("margin_rad", margin_rad, 0.0, None)
@@ -253,7 +245,7 @@ class SampleCollector:
         self._input[where] = rate[AXES.index(axis)]
         self._received[where], self._t_s[where], self._age_s[where] = True, t_s, age_s
 
-    def _on_time(self) -> tuple[NDArray[np.bool_], str]:
+    def _on_time(self) -> tuple[BoolArray, str]:
         """Return which sequences are on time, and words about the others."""
         wanted_s, took_s = self._sample_s * (self._t_s.shape[1] - 1), self._t_s[:, -1] - self._t_s[:, 0]
         late = np.abs(took_s - wanted_s) > MOST_STRETCH * wanted_s

@@ -15,8 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rf_pointing.core import Params, parameter, require_between
-from rf_pointing.core.types import Array, ComplexArray
+from rf_pointing.core import Array, ComplexArray, Params, parameter, require_between
 from rf_pointing.identification.model import StateSpace
 from rf_pointing.identification.realization import balanced_reduction, observer_markov, realize, system_markov
 
@@ -148,15 +147,15 @@ def _with(model: PoleResidue, solution: Array) -> PoleResidue:
 class IdentificationParams(Params):
     """How a model is made from the data."""
 
-    observer_order: int = parameter(120, "observer Markov parameters p", low=1, high=2000)
-    markov_count: int = parameter(1000, "system Markov parameters in the realization", low=20, high=20000)
-    realization_order: int = parameter(14, "order of the realization before reduction", low=1, high=200)
-    order: int = parameter(10, "order of the model", low=1, high=200)
+    observer_order: int = parameter(120, "observer Markov parameters p", 1, 2000)
+    markov_count: int = parameter(1000, "system Markov parameters in the realization", 20, 20000)
+    realization_order: int = parameter(14, "order of the realization before reduction", 1, 200)
+    order: int = parameter(10, "order of the model", 1, 200)
     integrator: bool = parameter(True, "whether the response has the drive's integrator")
-    integrator_below_hz: float = parameter(0.03, "poles slower than this are the integrator", low=1e-5, high=1.0)
-    high_pass_hz: float = parameter(0.0, "corner of the high-pass on input and output, 0 for none", low=0.0, high=10.0)
-    refit_high_pass_hz: float = parameter(0.1, "corner of the high-pass before the residue fit", low=1e-4, high=10.0)
-    settle_s: float = parameter(10.0, "start of each high-passed sequence that is left out", low=0.0, high=1e4)
+    integrator_below_hz: float = parameter(0.03, "poles slower than this are the integrator", 1e-5, 1.0)
+    high_pass_hz: float = parameter(0.0, "corner of the high-pass on input and output, 0 for none", 0.0, 10.0)
+    refit_high_pass_hz: float = parameter(0.1, "corner of the high-pass before the residue fit", 1e-4, 10.0)
+    settle_s: float = parameter(10.0, "start of each high-passed sequence that is left out", 0.0, 1e4)
 
     ordered = ("order <= realization_order",)
 

@@ -5,8 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rf_pointing.core import as_finite_array
-from rf_pointing.core.types import Array, ComplexArray
+from rf_pointing.core import Array, ComplexArray, as_finite_array
 
 
 @dataclass(frozen=True, slots=True)

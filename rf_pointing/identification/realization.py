@@ -20,8 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rf_pointing.core import require_between
-from rf_pointing.core.types import Array
+from rf_pointing.core import Array, require_between
 from rf_pointing.identification.model import StateSpace
 
 # Share of the largest singular value that counts as zero: rounding leaves up to 1e-14.
@@ -61,11 +60,9 @@ def observer_markov(inputs: ArrayLike, outputs: ArrayLike, order: int) -> Observ
     ratio = scale_y / scale_u
     markov: Array = np.asarray(solution, dtype=np.float64)
     return ObserverMarkov(
-        direct=float(markov[0]) * ratio,
-        inputs=markov[1 : order + 1] * ratio,
-        outputs=markov[order + 1 :],
-        condition=float(singular[0] / singular[-1]),
-    )
+        direct=float(markov[0]) * ratio, inputs=markov[1 : order + 1] * ratio,
+        outputs=markov[order + 1 :], condition=float(singular[0] / singular[-1]),
+    )  # fmt: skip
 
 
 def system_markov(observer: ObserverMarkov, count: int) -> Array:

@@ -8,10 +8,9 @@ Eq. (5) as printed has P_uy in the denominator twice; the coherence has P_yy.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from rf_pointing.core import require_between
-from rf_pointing.core.types import Array, ComplexArray
+from rf_pointing.core import Array, BoolArray, ComplexArray, Pair, require_between
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,12 +21,12 @@ class FrequencyResponse:
     response: ComplexArray
     coherence: Array
 
-    def valid(self, least_coherence: float = 0.8) -> NDArray[np.bool_]:
+    def valid(self, least_coherence: float = 0.8) -> BoolArray:
         """Return where the coherence is high enough for the data to be believed."""
         require_between("least_coherence", least_coherence, 0.0, 1.0)
         return np.asarray(self.coherence >= least_coherence)
 
-    def valid_band_hz(self, least_coherence: float = 0.8) -> tuple[float, float]:
+    def valid_band_hz(self, least_coherence: float = 0.8) -> Pair:
         """Return the longest unbroken stretch (on a logarithmic scale) of valid frequencies.
 
         Raises ValueError if no frequency is valid.

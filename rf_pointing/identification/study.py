@@ -18,8 +18,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rf_pointing.core import as_finite_array, require_between
-from rf_pointing.core.types import Array, ComplexArray
+from rf_pointing.core import Array, ComplexArray, as_finite_array, require_between
 from rf_pointing.core.whole_file import parse_json, read_whole
 from rf_pointing.identification.experiment import Recording
 from rf_pointing.identification.identify import IdentificationParams, Identified, identify
@@ -100,11 +99,9 @@ class ResponseStudy:
 
 
 def study(
-    recordings: Mapping[str, Recording],
-    held_out: int,
-    straight: IdentificationParams = STRAIGHT,
+    recordings: Mapping[str, Recording], held_out: int, straight: IdentificationParams = STRAIGHT,
     cross: IdentificationParams = CROSS,
-) -> list[ResponseStudy]:
+) -> list[ResponseStudy]:  # fmt: skip
     """Return the studies of all responses, straight ones first, on the last `held_out` sequences.
 
     Raises ValueError if a recording has no more than `held_out` sequences, or does not support the
@@ -148,17 +145,14 @@ def save_models(path: Path, studies: Sequence[ResponseStudy], provenance: str) -
     """
     responses = [
         {
-            "input": response.driven,
-            "output": response.shown,
+            "input": response.driven, "output": response.shown,
             "sample_s": response.identified.model.sample_s,
             **{name: getattr(response.identified.model, name).tolist() for name in "abcd"},
-            "hankel": response.identified.hankel.tolist(),
-            "error": response.worst_error,
-            "provenance": provenance,
-            **_measured(response.measured),
+            "hankel": response.identified.hankel.tolist(), "error": response.worst_error,
+            "provenance": provenance, **_measured(response.measured),
         }
         for response in studies
-    ]
+    ]  # fmt: skip
     path.write_text(json.dumps({"format": FORMAT, "responses": responses}, indent=1) + "\n")
 
 

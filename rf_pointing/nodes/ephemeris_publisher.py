@@ -23,8 +23,7 @@ from sensor_msgs.msg import FluidPressure, RelativeHumidity, Temperature
 from std_srvs.srv import Trigger
 
 from rf_pointing.core.parameters import leaves
-from rf_pointing.ephemeris import Pass
-from rf_pointing.ephemeris.source import NO_TARGET
+from rf_pointing.ephemeris import NO_TARGET, Pass
 from rf_pointing.ephemeris.target_offsets import OffsetSets, TargetOffsets
 from rf_pointing.planning import PassProfile
 from rf_pointing.ros import convert, convert_planning

@@ -7,8 +7,7 @@ real offset from its elements included), signal.* (link, beam, feed, noise).
 
 from rf_pointing_msgs.msg import Boresight, CarrierPower, Monopulse, PassList, PointingError
 
-from rf_pointing.ephemeris.element_updates import ElementUpdates
-from rf_pointing.ephemeris.source import NO_TARGET, SourceParams, load_track
+from rf_pointing.ephemeris import NO_TARGET, ElementUpdates, SourceParams, load_track
 from rf_pointing.ros import convert
 from rf_pointing.ros.main_loop import run
 from rf_pointing.ros.qos import LATCHED, SAMPLES, STREAM

@@ -48,7 +48,7 @@ class SignalReceiverNode(StationNode):
 
     def _on_target(self, message: Target) -> None:
         target = convert.target_from_message(message)
-        self._receiver.take_range_rate(target.t_s, target.range_rate_m_s)
+        self._receiver.meter.doppler.take(target.t_s, target.range_rate_m_s)
 
     def turn(self) -> float:
         """Publish what was measured since the last turn."""

@@ -8,9 +8,7 @@ Parameters: source.*, signal.* as rf_receiver; sdr.* (radio and transmitter), ou
 
 from rf_pointing_msgs.msg import Boresight, PassList, PointingError
 
-from rf_pointing.ephemeris import TopocentricTrack
-from rf_pointing.ephemeris.element_updates import ElementUpdates
-from rf_pointing.ephemeris.source import SourceParams, load_track
+from rf_pointing.ephemeris import ElementUpdates, SourceParams, TopocentricTrack, load_track
 from rf_pointing.receiver.serving import Outlet, make_outlet
 from rf_pointing.ros import convert
 from rf_pointing.ros.diagnostics import Health

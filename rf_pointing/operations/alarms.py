@@ -24,20 +24,18 @@ RETURN_S = 60.0
 class AlarmParams(Params):
     """Thresholds and durations of the alarms; the recovery table refers to them by name."""
 
-    node_silent_s: float = parameter(5.0, "a node without a sign of life for so long is lost", low=1.0, high=600.0)
-    drive_lost_s: float = parameter(3.0, "so long without the drive", low=0.1, high=600.0)
-    signal_lost_s: float = parameter(30.0, "so long without the signal in a pass", low=1.0, high=3600.0)
-    disk_free_gb: float = parameter(2.0, "free space of the disk of the recordings", low=0.0, high=1e5)
-    elements_stale_h: float = parameter(72.0, "age of the elements of the next pass", low=0.1, high=1e5)
-    fault_s: float = parameter(2.0, "a fault latched for so long is dealt with", low=0.0, high=600.0)
-    clock_ms: float = parameter(100.0, "offset of the clock of a node's computer", low=1.0, high=1e5)
-    memory_free_mb: float = parameter(100.0, "free memory of the computer", low=0.0, high=1e6)
-    check_failed_s: float = parameter(5.0, "a check is in error for so long", low=0.0, high=3600.0)
+    node_silent_s: float = parameter(5.0, "a node without a sign of life for so long is lost", 1.0, 600.0)
+    drive_lost_s: float = parameter(3.0, "so long without the drive", 0.1, 600.0)
+    signal_lost_s: float = parameter(30.0, "so long without the signal in a pass", 1.0, 3600.0)
+    disk_free_gb: float = parameter(2.0, "free space of the disk of the recordings", 0.0, 1e5)
+    elements_stale_h: float = parameter(72.0, "age of the elements of the next pass", 0.1, 1e5)
+    fault_s: float = parameter(2.0, "a fault latched for so long is dealt with", 0.0, 600.0)
+    clock_ms: float = parameter(100.0, "offset of the clock of a node's computer", 1.0, 1e5)
+    memory_free_mb: float = parameter(100.0, "free memory of the computer", 0.0, 1e6)
+    check_failed_s: float = parameter(5.0, "a check is in error for so long", 0.0, 3600.0)
     nodes: str = parameter("", "own nodes whose errors and silence are alarms, separated by commas")
-    not_ready_s: float = parameter(
-        900.0, "from so long before a pass whatever it needs must be ready", low=60.0, high=1e5
-    )
-    quiet_s: float = parameter(600.0, "between two messages of one lasting cause", low=0.0, high=1e5)
+    not_ready_s: float = parameter(900.0, "from so long before a pass whatever it needs must be ready", 60.0, 1e5)
+    quiet_s: float = parameter(600.0, "between two messages of one lasting cause", 0.0, 1e5)
 
 
 @dataclass(slots=True)

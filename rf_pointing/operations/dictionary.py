@@ -9,8 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from rf_pointing.core.checks import names_in
-from rf_pointing.core.whole_file import parse_yaml, read_whole
+from rf_pointing.core import names_in, parse_yaml, read_whole
 from rf_pointing.operations.alarms import AlarmParams
 from rf_pointing.operations.procedure import Procedure, read_procedure
 from rf_pointing.operations.recovery import RecoveryTable, read_table

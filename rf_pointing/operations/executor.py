@@ -80,13 +80,9 @@ class Executor:
     """
 
     def __init__(
-        self,
-        procedure: Procedure,
-        parameters: Mapping[str, Any],
-        expected_state: ExpectedState,
-        send: Send,
-        zero_s: float = 0.0,
-    ) -> None:
+        self, procedure: Procedure, parameters: Mapping[str, Any], expected_state: ExpectedState,
+        send: Send, zero_s: float = 0.0,
+    ) -> None:  # fmt: skip
         self.parameters = procedure.with_parameters(parameters)
         self.procedure = procedure.with_timeouts(self.parameters)
         self.expected_state, self.zero_s, self._send = expected_state, zero_s, send
@@ -182,14 +178,12 @@ class Executor:
     def state(self) -> dict[str, Any]:
         """Return where the procedure is, for a file; `restore` goes on from it."""
         return {
-            "procedure": self.procedure.name,
-            "parameters": self.parameters,
-            "zero_s": self.zero_s,
+            "procedure": self.procedure.name, "parameters": self.parameters, "zero_s": self.zero_s,
             "blocks": {
                 name: {"state": str(run.state), "answered": run.answered, "sent_s": run.sent_s, "reason": run.reason}
                 for name, run in self.runs.items()
             },
-        }
+        }  # fmt: skip
 
     def restore(self, state: Mapping[str, Any], now_s: float) -> None:
         """Take over a state; what was executing is paused, so that nothing starts by itself.

@@ -12,8 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from enum import StrEnum
 from typing import Any
 
-from rf_pointing.core.pass_outcome import LEAST_SHARE, LOSS_OF_SIGNAL, OF_ANTENNA
-from rf_pointing.core.types import Pair
+from rf_pointing.core import LEAST_SHARE, LOSS_OF_SIGNAL, OF_ANTENNA, Pair
 from rf_pointing.operations.alarms import Alarm, AlarmBook
 from rf_pointing.operations.executor import BlockRun, BlockState, Executor, JournalEntry, block_text
 from rf_pointing.operations.expected_state import ExpectedState
@@ -65,19 +64,12 @@ class Night:
     """Runs the schedule of one antenna; `step` a few times a second, or when something arrives."""
 
     def __init__(
-        self,
-        schedule: Schedule,
-        procedure: Procedure,
-        table: RecoveryTable,
-        send: Send,
-        *,
-        quiet_s: float = 600.0,
-        sensor: str = "auto",
-        band: str = "",
+        self, schedule: Schedule, procedure: Procedure, table: RecoveryTable, send: Send, *,
+        quiet_s: float = 600.0, sensor: str = "auto", band: str = "",
         least_share: float = LEAST_SHARE,
         notify: Callable[[str, Alarm], None] = lambda _event, _alarm: None,
         save: Callable[[], None] = lambda: None,
-    ) -> None:
+    ) -> None:  # fmt: skip
         self.schedule, self.procedure, self.table = schedule, procedure, table
         self.sensor, self.band, self.least_share = sensor, band, least_share
         self.expected_state = ExpectedState()
@@ -560,15 +552,12 @@ class Night:
     def state(self) -> dict[str, Any]:
         """Return where the night is, for a file."""
         return {
-            "version": 1,
-            "state": str(self.state_name),
+            "version": 1, "state": str(self.state_name),
             "begun_s": None if math.isnan(self.begun_s) else self.begun_s,
-            "schedule": self.schedule.state(),
-            "attempt": self._work and self._work.state(),
-            "alarms": self.book.state(),
-            "tries": self.recovery.state(),
+            "schedule": self.schedule.state(), "attempt": self._work and self._work.state(),
+            "alarms": self.book.state(), "tries": self.recovery.state(),
             "records": [dataclasses.asdict(record) for record in self.records],
-        }
+        }  # fmt: skip
 
     def restore(self, state: Mapping[str, Any], now_s: float) -> None:
         """Take over a state; nothing is sent before the station has been seen.

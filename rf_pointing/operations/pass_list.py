@@ -16,9 +16,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
-from rf_pointing.core.checks import brief, id_of, is_number
-from rf_pointing.core.dates import parse_utc, utc_text
-from rf_pointing.core.whole_file import parse_json
+from rf_pointing.core import brief, id_of, is_number, parse_json, parse_utc, utc_text
 from rf_pointing.operations.schedule import MOST_PASSES, ScheduledPass, require_each_once
 
 _PLANNED = ("", "tracked")
@@ -261,24 +259,17 @@ def _pass_of(number: int, row: Mapping[str, Any]) -> ScheduledPass:
         path = tuple(_number(row, key) for key in _PATH)
         known = all(math.isfinite(value) for value in path)
         return ScheduledPass(
-            id=_text(row, "id"),
-            target=target,
-            name=_text(row, "name") or target,
-            priority=_whole(row, "priority"),
-            aos_t_s=aos_t_s,
-            los_t_s=los_t_s,
+            id=_text(row, "id"), target=target, name=_text(row, "name") or target,
+            priority=_whole(row, "priority"), aos_t_s=aos_t_s, los_t_s=los_t_s,
             peak_rad=math.radians(_number(row, "peak_elevation_deg", 0.0)),
             azimuth_path_rad=_radians(path) if known else None,
             elevation_rad=(
                 math.radians(_number(row, "aos_elevation_deg", 0.0)),
                 math.radians(_number(row, "los_elevation_deg", 0.0)),
             ),
-            antenna=_text(row, "antenna"),
-            sensor=_text(row, "sensor"),
-            band=_text(row, "band"),
-            element_age_s=3600.0 * _number(row, "element_age_h"),
-            filler=_flag(row, "filler"),
-        )
+            antenna=_text(row, "antenna"), sensor=_text(row, "sensor"), band=_text(row, "band"),
+            element_age_s=3600.0 * _number(row, "element_age_h"), filler=_flag(row, "filler"),
+        )  # fmt: skip
     except KeyError as error:
         raise ValueError(f"row {number}: {error.args[0]} is missing") from None
     except (ValueError, TypeError) as error:

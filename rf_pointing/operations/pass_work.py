@@ -5,8 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from typing import Any
 
-from rf_pointing.core.dates import utc_text
-from rf_pointing.core.pass_outcome import SIDELOBE_DB
+from rf_pointing.core import SIDELOBE_DB, utc_text
 from rf_pointing.operations.alarms import AlarmBook
 from rf_pointing.operations.executor import BlockState, Executor
 from rf_pointing.operations.expected_state import ExpectedState
@@ -138,14 +137,15 @@ def causes_between(book: AlarmBook, from_s: float, to_s: float) -> list[str]:
     # Alarms of before the night are not in its history.
     rows += [(t_s, None, name, message) for name, (t_s, message) in (open_ | begun).items()]
     return [
-        f"{name} {_clock(raised_s)} to {_clock(end_s)}, {end_s - raised_s:.0f} s: {message}"
-        if end_s is not None else f"{name} since {_clock(raised_s)}: {message}"
+        f"{name} {clock_text(raised_s)} to {clock_text(end_s)}, {end_s - raised_s:.0f} s: {message}"
+        if end_s is not None else f"{name} since {clock_text(raised_s)}: {message}"
         for raised_s, end_s, name, message in sorted(rows, key=lambda row: row[0])
         if raised_s <= to_s and (end_s is None or end_s >= from_s)
     ]  # fmt: skip
 
 
-def _clock(t_s: float) -> str:
+def clock_text(t_s: float) -> str:
+    """Return the time of day."""
     return utc_text(t_s)[11:19]
 
 

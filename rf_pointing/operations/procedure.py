@@ -30,8 +30,7 @@ from dataclasses import dataclass
 from graphlib import CycleError, TopologicalSorter
 from typing import Any
 
-from rf_pointing.core.checks import is_number, names_in, require_choice
-from rf_pointing.core.whole_file import parse_yaml
+from rf_pointing.core import is_number, names_in, parse_yaml, require_choice
 from rf_pointing.operations.expected_state import Condition, ExpectedState, read_conditions
 
 _PLACE = re.compile(r"^\$\{([A-Za-z_][\w.]*)\}$")
@@ -159,8 +158,7 @@ def _block(name: str, given: Any, parameters: Mapping[str, Any], dictionary: Map
         if not isinstance(flag, bool):
             raise ValueError(f"{name}.{key}={flag!r} must be true or false")
     return Block(
-        name=name,
-        after=names_in(f"{name}.after", values.get("after")),
+        name=name, after=names_in(f"{name}.after", values.get("after")),
         before=read_conditions(f"{name}.before", values.get("before") or {}),
         directives=tuple(
             _directive(f"{name}.directives[{k}]", each, parameters, dictionary) for k, each in enumerate(directives)
@@ -168,10 +166,9 @@ def _block(name: str, given: Any, parameters: Mapping[str, Any], dictionary: Map
         then=read_conditions(f"{name}.then", values.get("then") or {}),
         fails=read_conditions(f"{name}.fails", values.get("fails") or {}),
         window_s=_window(name, values.get("window_s")),
-        timeout_s=TIMEOUT_S if place else float(timeout_s),
-        timeout_from=place[1] if place else "",
+        timeout_s=TIMEOUT_S if place else float(timeout_s), timeout_from=place[1] if place else "",
         **flags,
-    )
+    )  # fmt: skip
 
 
 def _directive(

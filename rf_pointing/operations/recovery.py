@@ -30,9 +30,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from rf_pointing.core import leaves, require_choice
-from rf_pointing.core.checks import is_number, names_in
-from rf_pointing.core.whole_file import parse_yaml
+from rf_pointing.core import is_number, leaves, names_in, parse_yaml, require_choice
 from rf_pointing.operations.alarms import ERROR, WARNING, AlarmBook, AlarmParams
 from rf_pointing.operations.expected_state import Condition, ExpectedState, read_conditions
 from rf_pointing.operations.procedure import Procedure, procedure_from
@@ -95,13 +93,11 @@ def read_table(text: str, dictionary: Mapping[str, Collection[str]], thresholds:
         parameters = dict.fromkeys(("azimuth", "elevation"), 0.0)
         actions[name] = procedure_from(
             {
-                "version": 1,
-                "name": name,
-                "parameters": parameters,
+                "version": 1, "name": name, "parameters": parameters,
                 "blocks": {name: block | {"directives": [directive]}},
             },
             dictionary,
-        )
+        )  # fmt: skip
     known = {name: value for name, (_, value) in leaves(thresholds).items()}
     causes = tuple(
         _cause(name, given, actions, known) for name, given in _section("causes", content.get("causes")).items()

@@ -18,9 +18,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
 
-from rf_pointing.core import Params, parameter
-from rf_pointing.core.checks import id_of, require_id, require_name
-from rf_pointing.core.types import Pair
+from rf_pointing.core import Pair, Params, id_of, parameter, require_id, require_name
 from rf_pointing.planning import AxisLimits, AxisRates, Candidate, reasons_against, turns_within
 from rf_pointing.planning.schedule import schedule
 
@@ -119,14 +117,14 @@ class Entry:
 class BetweenParams(Params):
     """Rest of the antenna between two passes, and how late a pass is still begun."""
 
-    lead_s: float = parameter(60.0, "a pass is prepared this long before its slew must begin", low=0.0, high=3600.0)
-    gap_s: float = parameter(5.0, "between the end of a pass and the slew to the next one", low=0.0, high=3600.0)
-    park_after_s: float = parameter(1200.0, "the antenna parks when the next pass is further away", low=0.0, high=1e6)
-    stow_after_s: float = parameter(14400.0, "it is stowed when the next pass is further away", low=0.0, high=1e6)
-    least_s: float = parameter(60.0, "a late pass is joined if so much of it is left", low=1.0, high=3600.0)
+    lead_s: float = parameter(60.0, "a pass is prepared this long before its slew must begin", 0.0, 3600.0)
+    gap_s: float = parameter(5.0, "between the end of a pass and the slew to the next one", 0.0, 3600.0)
+    park_after_s: float = parameter(1200.0, "the antenna parks when the next pass is further away", 0.0, 1e6)
+    stow_after_s: float = parameter(14400.0, "it is stowed when the next pass is further away", 0.0, 1e6)
+    least_s: float = parameter(60.0, "a late pass is joined if so much of it is left", 1.0, 3600.0)
     standby: bool = parameter(False, "an idle antenna follows the passes of its partners, to take them over")
     unwind_rad: float = parameter(
-        math.radians(180.0), "an azimuth this far from the next start is unwound at once", low=0.1, high=20.0
+        math.radians(180.0), "an azimuth this far from the next start is unwound at once", 0.1, 20.0
     )
 
 

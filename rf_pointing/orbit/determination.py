@@ -18,9 +18,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from rf_pointing.core import Params, parameter, wrap_rad
-from rf_pointing.core.constants import EARTH_MU_M3_S2
-from rf_pointing.core.types import Array, BoolArray, IntArray
+from rf_pointing.core import EARTH_MU_M3_S2, Array, BoolArray, IntArray, Params, parameter, wrap_rad
 from rf_pointing.ephemeris.uncertainty import ElementUncertainty
 from rf_pointing.orbit.forces import Disturbances
 from rf_pointing.orbit.measurements import KINDS, StationMotion, measured_from, partials_from
@@ -33,13 +31,9 @@ BIASES = dict(
     zip(KINDS, ("azimuth bias", "elevation bias", "range bias", "rate bias"), strict=True)
 )
 COMBINATIONS = (
-    "semi-major axis",
-    "eccentricity along the radius",
-    "eccentricity across it",
-    "place along the track",
-    "cross-track here",
-    "cross-track a quarter of a revolution on",
-)
+    "semi-major axis", "eccentricity along the radius", "eccentricity across it",
+    "place along the track", "cross-track here", "cross-track a quarter of a revolution on",
+)  # fmt: skip
 """Small changes of a nearly circular orbit, each in metres; the columns of `orbit_changes`."""
 # The differences of neighbouring orbits, and of orbits with other forces.
 _STEP = np.array([10.0] * 3 + [0.01] * 3)
@@ -63,34 +57,25 @@ _LEAST_AXIS_SIGMA_M = 200.0
 class Priors(Params):
     """One-sigma knowledge of everything but the orbit, before the passes."""
 
-    clock_s: float = parameter(0.01, "clock of a station", low=1e-6, high=100.0)
-    azimuth_bias_rad: float = parameter(
-        1e-4, "azimuth of a station, on the sky", low=1e-7, high=0.1
-    )
-    elevation_bias_rad: float = parameter(1e-4, "elevation of a station", low=1e-7, high=0.1)
-    range_bias_m: float = parameter(100.0, "range of a station", low=1e-3, high=1e7)
+    clock_s: float = parameter(0.01, "clock of a station", 1e-6, 100.0)
+    azimuth_bias_rad: float = parameter(1e-4, "azimuth of a station, on the sky", 1e-7, 0.1)
+    elevation_bias_rad: float = parameter(1e-4, "elevation of a station", 1e-7, 0.1)
+    range_bias_m: float = parameter(100.0, "range of a station", 1e-3, 1e7)
     rate_bias_m_s: float = parameter(
-        1e4, "range rate of a pass, as the oscillators leave it", low=1e-6, high=1e6
+        1e4, "range rate of a pass, as the oscillators leave it", 1e-6, 1e6
     )
-    memory_s: float = parameter(
-        86400.0, "time in which a station forgets its biases", low=1.0, high=1e9
-    )
-    air: float = parameter(0.5, "factor of the drag", low=1e-3, high=10.0)
-    burn_m_s: float = parameter(5.0, "change of velocity of a manoeuvre", low=1e-4, high=1e4)
-    field: float = parameter(
-        1.0, "share of the field beyond its degree, considered", low=0.0, high=10.0
-    )
-    radiation: float = parameter(0.3, "radiation, considered", low=0.0, high=10.0)
-    refraction: float = parameter(0.05, "refraction of a station, considered", low=0.0, high=1.0)
+    memory_s: float = parameter(86400.0, "time in which a station forgets its biases", 1.0, 1e9)
+    air: float = parameter(0.5, "factor of the drag", 1e-3, 10.0)
+    burn_m_s: float = parameter(5.0, "change of velocity of a manoeuvre", 1e-4, 1e4)
+    field: float = parameter(1.0, "share of the field beyond its degree, considered", 0.0, 10.0)
+    radiation: float = parameter(0.3, "radiation, considered", 0.0, 10.0)
+    refraction: float = parameter(0.05, "refraction of a station, considered", 0.0, 1.0)
 
     def bias(self, kind: str) -> float:
         """Return the sigma of the bias of a measured quantity."""
         by_kind = (
-            self.azimuth_bias_rad,
-            self.elevation_bias_rad,
-            self.range_bias_m,
-            self.rate_bias_m_s,
-        )
+            self.azimuth_bias_rad, self.elevation_bias_rad, self.range_bias_m, self.rate_bias_m_s,
+        )  # fmt: skip
         return dict(zip(KINDS, by_kind, strict=True))[kind]
 
 
@@ -179,14 +164,9 @@ class Dynamics:
                 wanted = np.append(wanted, float(self.manoeuvre_t_s or 0.0) - begin_s)
             if len(wanted):
                 found = propagate_together(
-                    start,
-                    wanted,
-                    POINT_MASS,
-                    epoch_t_s=begin_s,
-                    disturbances=self.forces,
-                    scales=scales,
-                    tolerance=_TOLERANCE,
-                )
+                    start, wanted, POINT_MASS, epoch_t_s=begin_s, disturbances=self.forces,
+                    scales=scales, tolerance=_TOLERANCE,
+                )  # fmt: skip
                 whole[part] = found[: int(np.sum(part))]
             if not last:
                 start, begin_s = found[-1].copy(), float(self.manoeuvre_t_s or 0.0)
@@ -398,12 +378,9 @@ class _Rows:
 
 
 def determine(
-    prior: Prior,
-    passes: Sequence[PassData],
-    dynamics: Dynamics,
-    priors: Priors,
+    prior: Prior, passes: Sequence[PassData], dynamics: Dynamics, priors: Priors,
     loose: int | None = None,
-) -> Orbits:
+) -> Orbits:  # fmt: skip
     """Return the orbits that fit the passes best; every trial has its own prior state and values.
 
     The sigma of a pass grows to what its residuals show, and points beyond 5 of it are left out.
@@ -461,19 +438,11 @@ def determine(
             stage += 1
         elif settled:
             return Orbits(
-                prior=prior,
-                dynamics=dynamics,
-                priors=priors,
-                passes=ordered,
-                names=tuple(rows.names),
-                values=values,
-                formal=estimate.formal,
-                sensitivity=estimate.sensitivity,
-                considered=tuple(rows.considered),
-                scale=scale,
-                used=weight > 0.0,
-                iterations=iteration,
-            )
+                prior=prior, dynamics=dynamics, priors=priors, passes=ordered,
+                names=tuple(rows.names), values=values, formal=estimate.formal,
+                sensitivity=estimate.sensitivity, considered=tuple(rows.considered), scale=scale,
+                used=weight > 0.0, iterations=iteration,
+            )  # fmt: skip
     raise ValueError(f"the orbit has not settled after {_MOST_ITERATIONS} iterations")
 
 

@@ -17,9 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rf_pointing.core import Params, parameter
-from rf_pointing.core.constants import EARTH_RADIUS_M
-from rf_pointing.core.types import Array
+from rf_pointing.core import EARTH_RADIUS_M, Array, Params, parameter
 from rf_pointing.orbit.geopotential import MOST_DEGREES, attraction
 
 EARTH_RATE_RAD_S = 7.292115855e-5
@@ -64,24 +62,18 @@ class Disturbances(Params):
     """Forces on the satellite besides the Earth's; none by default."""
 
     ballistic_m2_kg: float = parameter(
-        0.0, "drag coefficient times area over mass; 0: no drag", low=0.0, high=10.0
+        0.0, "drag coefficient times area over mass; 0: no drag", 0.0, 10.0
     )
     air_density_kg_m3: float = parameter(
-        1.17e-14, "density of the air at the reference height", low=0.0, high=1e-6
+        1.17e-14, "density of the air at the reference height", 0.0, 1e-6
     )
-    air_height_m: float = parameter(8.0e5, "reference height of the air", low=1e5, high=2e6)
-    air_scale_m: float = parameter(
-        1.2464e5, "height in which the density falls to 1/e", low=1e3, high=1e6
-    )
-    degree: int = parameter(
-        0, "last degree of the Earth's field; 0: none of it", low=0, high=MOST_DEGREES
-    )
+    air_height_m: float = parameter(8.0e5, "reference height of the air", 1e5, 2e6)
+    air_scale_m: float = parameter(1.2464e5, "height in which the density falls to 1/e", 1e3, 1e6)
+    degree: int = parameter(0, "last degree of the Earth's field; 0: none of it", 0, MOST_DEGREES)
     radiation_m2_kg: float = parameter(
-        0.0, "radiation coefficient times area over mass; 0: no radiation", low=0.0, high=100.0
+        0.0, "radiation coefficient times area over mass; 0: no radiation", 0.0, 100.0
     )
-    panel_m_s2: float = parameter(
-        0.0, "acceleration by a warm panel, towards the Sun", low=-1e-6, high=1e-6
-    )
+    panel_m_s2: float = parameter(0.0, "acceleration by a warm panel, towards the Sun", -1e-6, 1e-6)
     sun: bool = parameter(False, "whether the Sun's tide acts")
     moon: bool = parameter(False, "whether the Moon's tide acts")
 

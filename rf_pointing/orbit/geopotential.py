@@ -14,8 +14,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from rf_pointing.core.constants import EARTH_MU_M3_S2
-from rf_pointing.core.types import Array, ComplexArray, IntArray
+from rf_pointing.core import EARTH_MU_M3_S2, Array, ComplexArray, IntArray
 
 EGM96_RADIUS_M = 6378136.3
 MOST_DEGREES = 12

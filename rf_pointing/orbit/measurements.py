@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
-from rf_pointing.core.types import Array
+from rf_pointing.core import SPEED_OF_LIGHT_M_S, Array
 from rf_pointing.orbit.forces import EARTH_RATE_RAD_S
 
 KINDS = ("azimuth_rad", "elevation_rad", "range_m", "range_rate_m_s")

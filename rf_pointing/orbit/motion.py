@@ -11,9 +11,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rf_pointing.core import as_finite_array
-from rf_pointing.core.constants import EARTH_MU_M3_S2
-from rf_pointing.core.types import Array
+from rf_pointing.core import EARTH_MU_M3_S2, Array, as_finite_array
 from rf_pointing.orbit.forces import Disturbances
 
 # Millimetres after days; looser, and the differences of neighbouring orbits would show the
@@ -43,15 +41,10 @@ POINT_MASS = PointMass()
 
 
 def propagate_together(
-    states: ArrayLike,
-    elapsed_s: ArrayLike,
-    gravity: Attraction,
-    *,
-    epoch_t_s: float = 0.0,
-    disturbances: Disturbances | None = None,
-    scales: Array | None = None,
+    states: ArrayLike, elapsed_s: ArrayLike, gravity: Attraction, *, epoch_t_s: float = 0.0,
+    disturbances: Disturbances | None = None, scales: Array | None = None,
     tolerance: float = _RELATIVE_TOLERANCE,
-) -> Array:
+) -> Array:  # fmt: skip
     """Integrate many starting states (m, 6) over the same elapsed times (n,), sorted.
 
     The result is (n, m, 6).  `epoch_t_s` and the `scales` (m, 3) of each state matter only to
@@ -74,14 +67,9 @@ def propagate_together(
 
 
 def _integrate(
-    bundle: Array,
-    elapsed_s: Array,
-    gravity: Attraction,
-    epoch_t_s: float,
-    disturbances: Disturbances | None,
-    scales: Array | None,
-    tolerance: float,
-) -> Array:
+    bundle: Array, elapsed_s: Array, gravity: Attraction, epoch_t_s: float,
+    disturbances: Disturbances | None, scales: Array | None, tolerance: float,
+) -> Array:  # fmt: skip
     from scipy.integrate import solve_ivp
 
     shape = bundle.shape
@@ -103,14 +91,9 @@ def _integrate(
     # Metres and metres per second: one absolute tolerance would suit neither.
     scale = np.tile([1e-5] * 3 + [1e-8] * 3, shape[0])
     solution = solve_ivp(
-        slope,
-        (0.0, end),
-        bundle.ravel(),
-        method="DOP853",
-        t_eval=wanted,
-        rtol=tolerance,
+        slope, (0.0, end), bundle.ravel(), method="DOP853", t_eval=wanted, rtol=tolerance,
         atol=scale,
-    )
+    )  # fmt: skip
     if not solution.success:
         raise ValueError(f"orbit integration to {end:.0f} s failed: {solution.message}")
     found = solution.y.T.reshape(-1, *shape)

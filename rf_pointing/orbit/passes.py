@@ -12,18 +12,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rf_pointing.calibration import BiasModel, TrackedPass
-from rf_pointing.core import wrap_rad
-from rf_pointing.core.constants import EARTH_RADIUS_M
+from rf_pointing.core import EARTH_RADIUS_M, TURN, Array, RadioRefraction, wrap_rad
 from rf_pointing.core.dates import DAY_S, to_utc_text
-from rf_pointing.core.refraction import RadioRefraction
-from rf_pointing.core.types import TURN, Array
+from rf_pointing.ephemeris import Elements, Site, StateVector, TargetSource, leap_seconds
 from rf_pointing.ephemeris.earth_orientation import IersEarthOrientation
-from rf_pointing.ephemeris.elements import Elements
 from rf_pointing.ephemeris.sgp4_orbit import Sgp4Orbit, earth_fixed_from_teme
-from rf_pointing.ephemeris.sites import Site
-from rf_pointing.ephemeris.state_vector import StateVector
-from rf_pointing.ephemeris.time_scales import leap_seconds
-from rf_pointing.ephemeris.track import TargetSource
 from rf_pointing.ephemeris.uncertainty import ElementUncertainty
 from rf_pointing.orbit.determination import (
     Dynamics,
@@ -90,13 +83,10 @@ def forces_of(elements: Elements, state: Array) -> Disturbances:
     """Return the forces on a satellite, its drag from B* in the mean atmosphere at its height."""
     height_m = float(np.linalg.norm(state[:3])) - EARTH_RADIUS_M
     return Disturbances(
-        degree=DEGREE,
-        sun=True,
-        moon=True,
-        radiation_m2_kg=_RADIATION_M2_KG,
+        degree=DEGREE, sun=True, moon=True, radiation_m2_kg=_RADIATION_M2_KG,
         ballistic_m2_kg=min(max(_BALLISTIC_PER_BSTAR * elements.drag_per_earth_radius, 1e-3), 1.0),
         **Disturbances.air_at(height_m),
-    )
+    )  # fmt: skip
 
 
 def points_of(
@@ -145,14 +135,10 @@ def points_of(
     true = elevation if refraction is None else refraction.remove(elevation)
     columns |= {"azimuth_rad": azimuth, "elevation_rad": true}
     data = PassData(
-        station=raw.station,
-        t_s=times,
-        motion=motion_of_site(site, times),
-        kinds=kinds,
+        station=raw.station, t_s=times, motion=motion_of_site(site, times), kinds=kinds,
         values=np.stack([columns[kind] for kind in kinds], axis=-1)[np.newaxis],
-        sigma=np.array(sigmas),
-        bending_rad=elevation - true,
-    )
+        sigma=np.array(sigmas), bending_rad=elevation - true,
+    )  # fmt: skip
     return data, report.text() if report.before > report.after else ""
 
 
@@ -213,12 +199,9 @@ def _named(k: int, one: PassData) -> str:
 
 
 def _tried(
-    prior: Prior,
-    passes: Sequence[PassData],
-    dynamics: Dynamics,
-    priors: Priors,
+    prior: Prior, passes: Sequence[PassData], dynamics: Dynamics, priors: Priors,
     loose: int | None = None,
-) -> tuple[Orbits, str]:
+) -> tuple[Orbits, str]:  # fmt: skip
     """Return an orbit, and what is wrong with it."""
     found = determine(prior, passes, dynamics, priors, loose)
     step = np.linalg.solve(
@@ -249,31 +232,21 @@ def _tried(
                 f"pass {_named(k, one)} has {100.0 * np.mean(~used):.0f} % outliers, must be <= "
                 f"{100.0 * _MOST_LEFT_OUT:g} %"
             )
-    for name, value, sigma in zip(found.names, found.values[0], _sigmas(found), strict=True):
+    sigmas = np.sqrt(np.diag(found.covariance()[0]))
+    for name, value, sigma in zip(found.names, found.values[0], sigmas, strict=True):
         kind = name.partition(" of pass")[0]
-        own = {
-            "clock": priors.clock_s,
-            "azimuth bias": priors.azimuth_bias_rad,
-            "elevation bias": priors.elevation_bias_rad,
-        }
-        if (
-            loose is None
-            and kind in own
-            and abs(value) - 2.0 * sigma > WRONG_BIAS_SIGMA * own[kind]
-        ):
-            shown = (
-                f"{value:+.3f} s" if kind == "clock" else f"{math.degrees(value) * 1e3:+.0f} mdeg"
-            )
-            return (
-                found,
+        own_s, own_rad = {"clock": priors.clock_s}, priors.azimuth_bias_rad
+        own = own_s | {"azimuth bias": own_rad, "elevation bias": priors.elevation_bias_rad}
+        if loose is not None or kind not in own:
+            continue
+        if abs(value) - 2.0 * sigma > WRONG_BIAS_SIGMA * own[kind]:
+            mdeg = math.degrees(value) * 1e3
+            shown = f"{value:+.3f} s" if kind == "clock" else f"{mdeg:+.0f} mdeg"
+            return found, (
                 f"{name} comes out as {shown}, {abs(value) / own[kind]:.1f} sigma, must be <= "
-                f"{WRONG_BIAS_SIGMA:g}",
+                f"{WRONG_BIAS_SIGMA:g}"
             )
     return found, ""
-
-
-def _sigmas(found: Orbits) -> Array:
-    return np.asarray(np.sqrt(np.diag(found.covariance()[0])))
 
 
 def refuse_leap_second(first_t_s: float, last_t_s: float) -> None:
@@ -307,27 +280,19 @@ def mean_elements(
     motion = old.mean_motion_rad_s * (record.a / record.am) ** 1.5
     start = np.array(
         [
-            motion,
-            record.em * math.cos(record.om),
-            record.em * math.sin(record.om),
-            record.im,
-            record.Om,
-            record.mm + record.om,
+            motion, record.em * math.cos(record.om), record.em * math.sin(record.om), record.im,
+            record.Om, record.mm + record.om,
         ]
-    )
+    )  # fmt: skip
 
     def made(p: Array) -> Elements:
         # A circle has no perigee: its vector has no singularity there.
         perigee = math.atan2(p[2], p[1])
         return replace(
-            fresh,
-            mean_motion_rad_s=float(p[0]),
-            eccentricity=math.hypot(p[1], p[2]),
-            inclination_rad=float(p[3]),
-            ascending_node_rad=float(p[4]) % TURN,
-            argument_of_perigee_rad=perigee % TURN,
-            mean_anomaly_rad=(float(p[5]) - perigee) % TURN,
-        )
+            fresh, mean_motion_rad_s=float(p[0]), eccentricity=math.hypot(p[1], p[2]),
+            inclination_rad=float(p[3]), ascending_node_rad=float(p[4]) % TURN,
+            argument_of_perigee_rad=perigee % TURN, mean_anomaly_rad=(float(p[5]) - perigee) % TURN,
+        )  # fmt: skip
 
     def off(p: Array) -> Array:
         propagated = made(p).satrec()

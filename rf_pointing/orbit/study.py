@@ -15,9 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rf_pointing.core import Params, parameter
-from rf_pointing.core.constants import EARTH_RADIUS_M
-from rf_pointing.core.types import Array, BoolArray
+from rf_pointing.core import EARTH_RADIUS_M, Array, BoolArray, Params, parameter
 from rf_pointing.orbit.determination import Dynamics
 from rf_pointing.orbit.forces import EARTH_RATE_RAD_S, Disturbances
 from rf_pointing.orbit.measurements import KINDS, StationMotion, measured_from, partials_from
@@ -29,23 +27,19 @@ from rf_pointing.orbit.square_root import SquareRootFilter
 class Tracking(Params):
     """Measurements of each station, how good and how often; a sigma of 0 leaves a kind out."""
 
-    angle_sigma_rad: float = parameter(0.0, "noise of each angle, on the sky", low=0.0, high=0.1)
-    angle_bias_rad: float = parameter(1e-4, "bias of each angle", low=1e-9, high=0.1)
-    range_sigma_m: float = parameter(0.0, "noise of a range", low=0.0, high=1e6)
-    range_bias_m: float = parameter(10.0, "bias of the range of a station", low=1e-6, high=1e7)
-    rate_sigma_m_s: float = parameter(0.0, "noise of a range rate", low=0.0, high=1e3)
-    rate_bias_m_s: float = parameter(1.0, "bias of the range rate", low=1e-9, high=1e6)
-    memory_s: float = parameter(
-        43200.0, "time in which biases forget; 0: white", low=0.0, high=1e12
-    )
+    angle_sigma_rad: float = parameter(0.0, "noise of each angle, on the sky", 0.0, 0.1)
+    angle_bias_rad: float = parameter(1e-4, "bias of each angle", 1e-9, 0.1)
+    range_sigma_m: float = parameter(0.0, "noise of a range", 0.0, 1e6)
+    range_bias_m: float = parameter(10.0, "bias of the range of a station", 1e-6, 1e7)
+    rate_sigma_m_s: float = parameter(0.0, "noise of a range rate", 0.0, 1e3)
+    rate_bias_m_s: float = parameter(1.0, "bias of the range rate", 1e-9, 1e6)
+    memory_s: float = parameter(43200.0, "time in which biases forget; 0: white", 0.0, 1e12)
     satellite_clock_m: float = parameter(
-        0.0, "clock of one-way ranges, white; 0: two-way", low=0.0, high=1e9
+        0.0, "clock of one-way ranges, white; 0: two-way", 0.0, 1e9
     )
-    zenith_delay_m: float = parameter(0.05, "zenith delay of a station", low=1e-6, high=10.0)
-    step_s: float = parameter(60.0, "between two measurements", low=1.0, high=86400.0)
-    lowest_rad: float = parameter(
-        math.radians(5.0), "lowest elevation of a measurement", low=-0.1, high=1.5
-    )
+    zenith_delay_m: float = parameter(0.05, "zenith delay of a station", 1e-6, 10.0)
+    step_s: float = parameter(60.0, "between two measurements", 1.0, 86400.0)
+    lowest_rad: float = parameter(math.radians(5.0), "lowest elevation of a measurement", -0.1, 1.5)
 
     def check_together(self) -> None:
         """Refuse tracking that measures nothing."""
@@ -68,23 +62,23 @@ class Tracking(Params):
 class Considered(Params):
     """One-sigma errors of what is not estimated."""
 
-    station_m: float = parameter(0.1, "each coordinate of a station", low=0.0, high=1e4)
-    gm: float = parameter(2e-9, "the Earth's gravitational constant, relative", low=0.0, high=1e-3)
-    pole_m: float = parameter(0.25, "each coordinate of the pole", low=0.0, high=1e3)
-    ut1_s: float = parameter(6e-4, "angle of the Earth, as time", low=0.0, high=10.0)
-    field: float = parameter(1.0, "share of the field beyond its degree", low=0.0, high=10.0)
-    clock_s: float = parameter(0.0, "clock of a station", low=0.0, high=100.0)
+    station_m: float = parameter(0.1, "each coordinate of a station", 0.0, 1e4)
+    gm: float = parameter(2e-9, "the Earth's gravitational constant, relative", 0.0, 1e-3)
+    pole_m: float = parameter(0.25, "each coordinate of the pole", 0.0, 1e3)
+    ut1_s: float = parameter(6e-4, "angle of the Earth, as time", 0.0, 10.0)
+    field: float = parameter(1.0, "share of the field beyond its degree", 0.0, 10.0)
+    clock_s: float = parameter(0.0, "clock of a station", 0.0, 100.0)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Before(Params):
     """One-sigma knowledge of the estimated parameters before tracking."""
 
-    position_m: float = parameter(5000.0, "each coordinate", low=1e-3, high=1e9)
-    velocity_m_s: float = parameter(50.0, "each component of the velocity", low=1e-6, high=1e6)
-    radiation: float = parameter(0.05, "radiation, relative", low=1e-9, high=10.0)
-    air: float = parameter(0.3, "drag, relative", low=1e-9, high=10.0)
-    burn_m_s: float = parameter(10.0, "each component of a manoeuvre", low=1e-6, high=1e4)
+    position_m: float = parameter(5000.0, "each coordinate", 1e-3, 1e9)
+    velocity_m_s: float = parameter(50.0, "each component of the velocity", 1e-6, 1e6)
+    radiation: float = parameter(0.05, "radiation, relative", 1e-9, 10.0)
+    air: float = parameter(0.3, "drag, relative", 1e-9, 10.0)
+    burn_m_s: float = parameter(10.0, "each component of a manoeuvre", 1e-6, 1e4)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -112,10 +106,6 @@ class Knowledge:
         chosen = self.total if covariance is None else covariance
         return np.asarray(np.sqrt(np.trace(chosen[:, :3, :3], axis1=1, axis2=2)))
 
-    def speed_sigma_m_s(self, covariance: Array) -> Array:
-        """Return the sigma of velocity (n,), all three directions."""
-        return np.asarray(np.sqrt(np.trace(covariance[:, 3:, 3:], axis1=1, axis2=2)))
-
     def on_sky(self, motion: StationMotion) -> Array:
         """Return cross-elevation and elevation sigma (n, 2) as seen by a station, rad."""
         partials = partials_from(self.states, motion)[:, :2]
@@ -126,20 +116,11 @@ class Knowledge:
 
 
 def known_orbit(
-    epoch_t_s: float,
-    state: Array,
-    stations: Mapping[str, StationMotion],
-    t_s: Array,
-    tracking: Tracking,
-    *,
-    forces: Disturbances,
-    before: Before | None = None,
-    considered: Considered | None = None,
-    station_m: Mapping[str, float] | None = None,
-    until_t_s: float = math.inf,
-    schedule: BoolArray | None = None,
-    burn_t_s: float | None = None,
-) -> Knowledge:
+    epoch_t_s: float, state: Array, stations: Mapping[str, StationMotion], t_s: Array,
+    tracking: Tracking, *, forces: Disturbances, before: Before | None = None,
+    considered: Considered | None = None, station_m: Mapping[str, float] | None = None,
+    until_t_s: float = math.inf, schedule: BoolArray | None = None, burn_t_s: float | None = None,
+) -> Knowledge:  # fmt: skip
     """Return what is known of an orbit at rising times (n,), which are those of measurements.
 
     Parameters
@@ -216,14 +197,11 @@ def known_orbit(
     coordinates = [(station_m or {}).get(name, rest.station_m) for name in stations]
     spread = np.array(
         [
-            rest.gm,
-            rest.field,
-            rest.ut1_s,
-            rest.pole_m / EARTH_RADIUS_M,
+            rest.gm, rest.field, rest.ut1_s, rest.pole_m / EARTH_RADIUS_M,
             rest.pole_m / EARTH_RADIUS_M,
         ]
         + [size for each in coordinates for size in (each, each, each, rest.clock_s)]
-    )
+    )  # fmt: skip
     effect = shift * spread
     kinds = [
         *_EARTH,
@@ -283,16 +261,9 @@ class _Station:
         self.rates = rates[:, columns]
 
     def rows(
-        self,
-        k: int,
-        number: int,
-        own: Array,
-        dynamic: Array,
-        state: Array,
-        fixed: int,
-        stations: int,
-        tracking: Tracking,
-    ) -> tuple[Array, float, Array]:
+        self, k: int, number: int, own: Array, dynamic: Array, state: Array, fixed: int,
+        stations: int, tracking: Tracking,
+    ) -> tuple[Array, float, Array]:  # fmt: skip
         """Return partials, values (0) and partials of what is considered, of unit variance."""
         count = len(tracking.kinds)
         weight = 1.0 / (np.array([noise for _, noise, _ in tracking.kinds]) * self.sky[k])

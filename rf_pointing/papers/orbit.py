@@ -335,7 +335,8 @@ def beacon_rows() -> list[Row]:
             schedule=schedule,
         )
         position = float(np.max(known.sigma_m(known.formal)))
-        velocity = 1e3 * float(np.max(known.speed_sigma_m_s(known.formal)))
+        speeds = np.sqrt(np.trace(known.formal[:, 3:, 3:], axis1=1, axis2=2))
+        velocity = 1e3 * float(np.max(speeds))
         remark = "formal: what is considered depends on area and mass, which are not stated"
         found += [
             Row(

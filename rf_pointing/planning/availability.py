@@ -19,7 +19,7 @@ from functools import cache
 
 import numpy as np
 
-from rf_pointing.core.types import Array, BoolArray
+from rf_pointing.core.types import Array, BoolArray, Pair
 
 # Distance s over which weather is alike.
 WEATHER_M = 50e3
@@ -51,7 +51,7 @@ def clear_probability(cloudy: Sequence[float], distance_m: Array) -> float:
     return 1.0 - all_cloudy
 
 
-def availability(seen: BoolArray, cloudy: Sequence[float], distance_m: Array) -> tuple[float, float]:
+def availability(seen: BoolArray, cloudy: Sequence[float], distance_m: Array) -> Pair:
     """Return the share of the time with a station that sees the target, and with one that is clear.
 
     `seen` (n, stations) tells at even times which stations see it.

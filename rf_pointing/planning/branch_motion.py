@@ -86,7 +86,7 @@ def branch_motions(
     return found
 
 
-def _stops(azimuth: Array, limits: AxisLimits) -> list[tuple[float, float]]:
+def _stops(azimuth: Array, limits: AxisLimits) -> list[Pair]:
     """Return the ends of the travel on each turn that a part of a pass fits, none if all does."""
     low, high = float(azimuth.min()), float(azimuth.max())
     least, most = limits.azimuth_min_rad, limits.azimuth_max_rad
@@ -118,14 +118,9 @@ def _over(
 
 
 def _planned(
-    t_s: Array,
-    first: Triple,
-    second: Triple,
-    most: AxisRates,
-    ends_rad: Pair,
-    lag: Lag,
+    t_s: Array, first: Triple, second: Triple, most: AxisRates, ends_rad: Pair, lag: Lag,
     crossing_within: Callable[[AxisMotionLimits], Crossing | None],
-) -> tuple[Crossing | None, Array]:
+) -> tuple[Crossing | None, Array]:  # fmt: skip
     """Plan a crossing within what the lags of the mount leave of the axes' rates `most`.
 
     `ends_rad` are the ends of the upper axis's travel that bound keyholes.

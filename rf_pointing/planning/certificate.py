@@ -21,9 +21,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from rf_pointing.core.kinematics import LEVEL, Kinematics
-from rf_pointing.core.pass_outcome import PassOutcome
-from rf_pointing.core.types import TURN, Array, Pair
+from rf_pointing.core import LEVEL, TURN, Array, Kinematics, Pair, PassOutcome
 from rf_pointing.planning.branch_motion import BranchMotion, Lag, branch_motions, no_lag
 from rf_pointing.planning.crossing import Crossing, CrossingLoss, Gain
 from rf_pointing.planning.forbidden_sky import ForbiddenSky, angle_between
@@ -75,12 +73,12 @@ class Branch:
     turns: int
     plunge: bool
     over: bool
-    start_rad: tuple[float, float]
-    end_rad: tuple[float, float]
-    azimuth_range_rad: tuple[float, float]
-    elevation_range_rad: tuple[float, float]
-    peak_rate_rad_s: tuple[float, float]
-    peak_acceleration_rad_s2: tuple[float, float]
+    start_rad: Pair
+    end_rad: Pair
+    azimuth_range_rad: Pair
+    elevation_range_rad: Pair
+    peak_rate_rad_s: Pair
+    peak_acceleration_rad_s2: Pair
     closest_limit: str
     limit_margin_rad: float
     mask_margin_rad: float
@@ -168,19 +166,11 @@ class Certificate:
 
 
 def certify(
-    profile: PassProfile,
-    axes: dict[bool, tuple[Array, Array, Array]],
-    issued_t_s: float,
-    encoder_rad: Pair,
-    machine: MachineParams,
-    limits: AxisLimits,
-    mask: HorizonMask,
-    gain: Gain,
-    lag: Lag = no_lag,
-    slew: Slew | None = None,
-    cost: SensorCost | None = None,
+    profile: PassProfile, axes: dict[bool, tuple[Array, Array, Array]], issued_t_s: float,
+    encoder_rad: Pair, machine: MachineParams, limits: AxisLimits, mask: HorizonMask, gain: Gain,
+    lag: Lag = no_lag, slew: Slew | None = None, cost: SensorCost | None = None,
     mount: Kinematics = LEVEL,
-) -> Certificate:
+) -> Certificate:  # fmt: skip
     """Return the certificate of a pass.
 
     Parameters
@@ -211,17 +201,13 @@ def certify(
         for turns in _turns(motion.axes_rad[:, 0], limits)
     ]
     return Certificate(
-        name=profile.name,
-        issued_t_s=issued_t_s,
-        aos_t_s=float(profile.t_s[0]),
+        name=profile.name, issued_t_s=issued_t_s, aos_t_s=float(profile.t_s[0]),
         los_t_s=float(profile.t_s[-1]),
         sky_peak_rad=float(_elevations(profile.position_rad, mount).max()),
-        branches=tuple(sorted(branches, key=branch_cost)),
-        machine=machine,
-        carrier_to_noise_db_hz=cost.carrier_to_noise_db_hz if cost else (),
-        mount=mount,
+        branches=tuple(sorted(branches, key=branch_cost)), machine=machine,
+        carrier_to_noise_db_hz=cost.carrier_to_noise_db_hz if cost else (), mount=mount,
         acquisition_band=cost.acquisition_band if cost else "",
-    )
+    )  # fmt: skip
 
 
 def _elevations(axes_rad: Array, mount: Kinematics) -> Array:
@@ -278,35 +264,23 @@ class _Certifier:
         acquisition_s = self.cost.acquisition_s * (2.0 if loss.lost_s > self.cost.memory_s else 1.0)
         reasons = _reasons_against(closest, margin, above, sun, self.machine)
         return Branch(
-            turns=turns,
-            plunge=motion.plunge,
-            over=crossing is not None and crossing.over_t_s is not None,
-            start_rad=start,
-            end_rad=end,
-            azimuth_range_rad=(low, high),
-            elevation_range_rad=(bottom, top),
-            peak_rate_rad_s=_peaks(required[1]),
-            peak_acceleration_rad_s2=_peaks(required[2]),
-            closest_limit=closest,
-            limit_margin_rad=margin,
-            mask_margin_rad=above,
+            turns=turns, plunge=motion.plunge,
+            over=crossing is not None and crossing.over_t_s is not None, start_rad=start,
+            end_rad=end, azimuth_range_rad=(low, high), elevation_range_rad=(bottom, top),
+            peak_rate_rad_s=_peaks(required[1]), peak_acceleration_rad_s2=_peaks(required[2]),
+            closest_limit=closest, limit_margin_rad=margin, mask_margin_rad=above,
             sun_margin_rad=sun,
             mean_loss_db=self._expected(loss, late_s + acquisition_s, left_s).mean_loss_db,
             preposition_s=preposition_s,
             unwind_s=self.machine.slew_s((end[0], 0.0), (math.remainder(end[0], TURN), 0.0)),
-            late_s=late_s,
-            acquisition_s=acquisition_s,
-            **self._probable(loss, late_s, left_s),
+            late_s=late_s, acquisition_s=acquisition_s, **self._probable(loss, late_s, left_s),
             search_rate_rad_s=self._search_rate(motion.required[1][first:], ahead[:, 1]),
             reasons=(
-                *reasons,
-                *self._too_little(loss.lost_s, late_s, left_s),
+                *reasons, *self._too_little(loss.lost_s, late_s, left_s),
                 *((f"no way to the start: {barred}",) if barred and margin >= 0.0 else ()),
             ),
-            crossing=crossing,
-            axes_rad=position,
-            **dataclasses.asdict(loss),
-        )
+            crossing=crossing, axes_rad=position, **dataclasses.asdict(loss),
+        )  # fmt: skip
 
     def _expected(self, loss: CrossingLoss, blind_s: float, left_s: float) -> PassOutcome:
         """Return what is expected of the `left_s` of the pass, `blind_s` of which are not held."""
@@ -330,7 +304,7 @@ class _Certifier:
             found[f"{name}loss_90_db"] = worst._expected(loss, blind_s, left_s).mean_loss_db
         return found
 
-    def _search_rate(self, rates: Array, elevation: Array) -> tuple[float, float]:
+    def _search_rate(self, rates: Array, elevation: Array) -> Pair:
         """Return the largest rates of the axes while the target is searched for."""
         if not self.cost.search_rad_s:
             return _peaks(rates)
@@ -358,7 +332,7 @@ class _Certifier:
         )
 
 
-def _peaks(values: Array) -> tuple[float, float]:
+def _peaks(values: Array) -> Pair:
     azimuth, elevation = np.abs(values).max(axis=0).tolist()
     return azimuth, elevation
 

@@ -4,8 +4,7 @@ import dataclasses
 import math
 from typing import Any
 
-from rf_pointing.core import to_degrees
-from rf_pointing.core.pass_outcome import SIDELOBE_DB
+from rf_pointing.core import SIDELOBE_DB, to_degrees
 from rf_pointing.planning.certificate import Branch, Certificate
 
 # From here on fresh elements are worth a word.
@@ -86,13 +85,11 @@ def certificate_values(certificate: Certificate) -> dict[str, Any]:
     values["accepted"], values["refusal"] = certificate.chosen is not None, certificate.reason
     values["branches"] = [
         {
-            **_plain(branch),
-            "refusals": list(branch.reasons),
-            "works": branch.works,
+            **_plain(branch), "refusals": list(branch.reasons), "works": branch.works,
             "chosen": branch is certificate.chosen,
         }
         for branch in certificate.branches
-    ]
+    ]  # fmt: skip
     values["machine"] = _plain(certificate.machine)
     if not certificate.mount.level:
         values["mount"] = _plain(certificate.mount)

@@ -22,7 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rf_pointing.core.pass_outcome import HALF_POWER, SIDELOBE_POWER, pointing_loss_db
-from rf_pointing.core.types import Array, BoolArray
+from rf_pointing.core.types import Array, BoolArray, Pair
 from rf_pointing.planning.forbidden_sky import angle_between
 
 # Power received relative to the beam's peak at angles (n,) from its axis.
@@ -47,8 +47,8 @@ ON_TARGET_RAD, MARGIN_S = 1e-5, 4.0
 class AxisMotionLimits:
     """Largest rates and accelerations (azimuth, elevation) and highest elevation of the axes."""
 
-    rate_rad_s: tuple[float, float]
-    acceleration_rad_s2: tuple[float, float]
+    rate_rad_s: Pair
+    acceleration_rad_s2: Pair
     elevation_max_rad: float
     elevation_min_rad: float = -math.inf
     """Lowest one where it bounds a keyhole, as on an axis that swings to either side."""
@@ -103,16 +103,13 @@ def cross(
         seen = replace(limits, elevation_max_rad=-limits.elevation_min_rad) if below else limits
         path = (position[part] * mirror, velocity[part] * mirror, acceleration[part] * mirror)
         one = _cross_above(t_s[part], *path, fast[part], seen, gain)
-        found.append(_mirrored(one, mirror) if below else one)
+        if below:
+            one = replace(
+                one, position_rad=one.position_rad * mirror, velocity_rad_s=one.velocity_rad_s * mirror,
+                acceleration_rad_s2=one.acceleration_rad_s2 * mirror,
+            )  # fmt: skip
+        found.append(one)
     return found[0] if len(found) == 1 else _joined(t_s, (position, velocity, acceleration), found)
-
-
-def _mirrored(found: Crossing, mirror: Array) -> Crossing:
-    position, velocity, acceleration = found.position_rad, found.velocity_rad_s, found.acceleration_rad_s2
-    return replace(
-        found, position_rad=position * mirror, velocity_rad_s=velocity * mirror,
-        acceleration_rad_s2=acceleration * mirror,
-    )  # fmt: skip
 
 
 def _joined(t_s: Array, path: tuple[Array, Array, Array], found: list[Crossing]) -> Crossing:

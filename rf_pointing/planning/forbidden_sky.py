@@ -9,8 +9,7 @@ import math
 
 import numpy as np
 
-from rf_pointing.core.kinematics import LEVEL, Kinematics
-from rf_pointing.core.types import TURN, Array, Pair
+from rf_pointing.core import LEVEL, TURN, Array, Kinematics, Pair
 from rf_pointing.planning.horizon import HorizonMask
 
 # How fast the Sun moves over the sky at most.

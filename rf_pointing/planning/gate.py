@@ -10,9 +10,8 @@ ends.
 import math
 from dataclasses import dataclass
 
-from rf_pointing.core import Params, parameter, require_choice, require_finite
+from rf_pointing.core import Array, Pair, Params, parameter, require_choice, require_finite
 from rf_pointing.core.kinematics import LEVEL, Kinematics
-from rf_pointing.core.types import Array, Pair
 from rf_pointing.planning.forbidden_sky import ForbiddenSky
 from rf_pointing.planning.horizon import HorizonMask
 from rf_pointing.planning.limits import AxisLimits, AxisRates
@@ -36,11 +35,11 @@ GUARD_RAD = math.radians(0.05)
 class GateParams(Params):
     """Width of the tiers, and the zones of the sky."""
 
-    warning_rad: float = parameter(math.radians(2.0), "the warning begins this far inside a limit", low=0.0, high=0.5)
-    hard_rad: float = parameter(math.radians(0.25), "the drives are cut this far beyond a limit", low=1e-4, high=0.5)
-    sun_radius_rad: float = parameter(math.radians(1.0), "the beam stays this far from the Sun", low=0.0, high=0.5)
+    warning_rad: float = parameter(math.radians(2.0), "the warning begins this far inside a limit", 0.0, 0.5)
+    hard_rad: float = parameter(math.radians(0.25), "the drives are cut this far beyond a limit", 1e-4, 0.5)
+    sun_radius_rad: float = parameter(math.radians(1.0), "the beam stays this far from the Sun", 0.0, 0.5)
     transmit_elevation_rad: float = parameter(
-        math.radians(10.0), "lowest elevation at which the transmitter may be on", low=-0.2, high=1.6
+        math.radians(10.0), "lowest elevation at which the transmitter may be on", -0.2, 1.6
     )
 
 
@@ -84,14 +83,9 @@ class Gate:
         self._paths = PathFinder(self._sky, axes, (self._low, self._high))
 
     def check(
-        self,
-        kind: str,
-        encoder_rad: Pair,
-        positions: Array,
-        velocities: Array | None = None,
-        sun_rad: Pair | None = None,
-        high_wind: str = "",
-    ) -> Decision:
+        self, kind: str, encoder_rad: Pair, positions: Array, velocities: Array | None = None,
+        sun_rad: Pair | None = None, high_wind: str = "",
+    ) -> Decision:  # fmt: skip
         """Answer for a motion of one of `MOTIONS` from `encoder_rad` through `positions` (n, 2).
 
         A motion between points is taken from the present position to each of them in turn, with a
@@ -136,13 +130,9 @@ class Gate:
         return self._paths.barred(positions, rates, target, sun_rad)
 
     def position(
-        self,
-        azimuth_rad: float,
-        elevation_rad: float,
-        encoder_rad: Pair | None = None,
-        sun_rad: Pair | None = None,
-        tolerance_rad: float = 0.0,
-    ) -> str:
+        self, azimuth_rad: float, elevation_rad: float, encoder_rad: Pair | None = None,
+        sun_rad: Pair | None = None, tolerance_rad: float = 0.0,
+    ) -> str:  # fmt: skip
         """Return "" when the position may be commanded, else the reason; plain floats."""
         return self.limits.reason(
             azimuth_rad, elevation_rad, encoder_rad, tolerance_rad, self.mount.axes

@@ -13,8 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rf_pointing.core import Params, parameter
-from rf_pointing.core.types import TURN, Array
+from rf_pointing.core import TURN, Array, Params, parameter
 
 # Note of a recording with the points of the horizon.
 HORIZON_NOTE = "horizon_deg"
@@ -29,12 +28,10 @@ class HorizonMask(Params):
     stay above them too.
     """
 
-    azimuth_rad: tuple[float, ...] = parameter((0.0,), "azimuths of the horizon's points, rising", low=0.0, high=TURN)
-    elevation_rad: tuple[float, ...] = parameter(
-        (math.radians(-10.0),), "lowest elevation at each of them", low=-0.2, high=1.5
-    )
+    azimuth_rad: tuple[float, ...] = parameter((0.0,), "azimuths of the horizon's points, rising", 0.0, TURN)
+    elevation_rad: tuple[float, ...] = parameter((math.radians(-10.0),), "lowest elevation at each of them", -0.2, 1.5)
     clearance_rad: float = parameter(
-        math.radians(1.0), "passes begin and end this far above the horizon", low=math.radians(0.01), high=0.2
+        math.radians(1.0), "passes begin and end this far above the horizon", math.radians(0.01), 0.2
     )
 
     def check_together(self) -> None:

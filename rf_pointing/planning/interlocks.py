@@ -12,9 +12,7 @@ from collections import deque
 from dataclasses import dataclass
 from pathlib import Path
 
-from rf_pointing.core.signals import STANDBY
-from rf_pointing.core.types import TURN
-from rf_pointing.core.whole_file import parse_json, read_whole, write_whole
+from rf_pointing.core import STANDBY, TURN, parse_json, read_whole, write_whole
 
 # Who commanded last is part of a fault's record.
 KEPT_COMMANDS = 5

@@ -8,9 +8,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple, Self
 
-from rf_pointing.core import AXES, Params, parameter, require_finite
-from rf_pointing.core.pass_outcome import LEAST_SHARE
-from rf_pointing.core.types import Pair
+from rf_pointing.core import AXES, LEAST_SHARE, Pair, Params, parameter, require_finite
 
 SAME_RAD = 1e-9
 
@@ -19,10 +17,10 @@ SAME_RAD = 1e-9
 class AxisLimits(Params):
     """Travel of both axes that the controller keeps, inside the servo's own stops."""
 
-    azimuth_min_rad: float = parameter(math.radians(-220.0), "smallest azimuth", low=-20.0, high=20.0)
-    azimuth_max_rad: float = parameter(math.radians(220.0), "largest azimuth", low=-20.0, high=20.0)
-    elevation_min_rad: float = parameter(math.radians(4.0), "smallest elevation", low=-3.4, high=3.2)
-    elevation_max_rad: float = parameter(math.radians(89.5), "largest elevation", low=-3.4, high=3.4)
+    azimuth_min_rad: float = parameter(math.radians(-220.0), "smallest azimuth", -20.0, 20.0)
+    azimuth_max_rad: float = parameter(math.radians(220.0), "largest azimuth", -20.0, 20.0)
+    elevation_min_rad: float = parameter(math.radians(4.0), "smallest elevation", -3.4, 3.2)
+    elevation_max_rad: float = parameter(math.radians(89.5), "largest elevation", -3.4, 3.4)
 
     def check_together(self) -> None:
         """Refuse an empty travel."""
@@ -115,21 +113,19 @@ class AxisRates(NamedTuple):
 class MachineParams(Params):
     """Rates and accelerations of the axes, and the least that a pass must give."""
 
-    rate_limit_rad_s: tuple[float, float] = parameter((math.radians(1.8),) * 2, "largest rates", low=1e-6, high=10.0)
-    acceleration_limit_rad_s2: tuple[float, float] = parameter(
-        (math.radians(0.8),) * 2, "largest accelerations", low=1e-6, high=100.0
-    )
+    rate_limit_rad_s: Pair = parameter((math.radians(1.8),) * 2, "largest rates", 1e-6, 10.0)
+    acceleration_limit_rad_s2: Pair = parameter((math.radians(0.8),) * 2, "largest accelerations", 1e-6, 100.0)
     # The tracking loop needs some of the rate to correct errors while the axes move at the plan's.
-    reserve: float = parameter(0.05, "share of both that planning leaves to the tracking loop", low=0.0, high=0.5)
-    sun_radius_rad: float = parameter(math.radians(1.0), "the beam stays this far from the Sun", low=0.0, high=0.5)
+    reserve: float = parameter(0.05, "share of both that planning leaves to the tracking loop", 0.0, 0.5)
+    sun_radius_rad: float = parameter(math.radians(1.0), "the beam stays this far from the Sun", 0.0, 0.5)
     least_share: float = parameter(
-        LEAST_SHARE, "share of the pass that must be within half power for it to be tracked", low=0.0, high=1.0
+        LEAST_SHARE, "share of the pass that must be within half power for it to be tracked", 0.0, 1.0
     )
     half_power_beamwidth_rad: float = parameter(
-        math.radians(0.065), "beamwidth that the loss is computed for", low=1e-6, high=1.4
+        math.radians(0.065), "beamwidth that the loss is computed for", 1e-6, 1.4
     )
     fixed_elevation_rad: tuple[float, ...] = parameter(
-        (), "where an antenna looks that turns in azimuth alone; empty: both axes turn", low=-0.2, high=3.2
+        (), "where an antenna looks that turns in azimuth alone; empty: both axes turn", -0.2, 3.2
     )
 
     @cached_property
@@ -144,6 +140,6 @@ class MachineParams(Params):
         """Rates and accelerations of the axes."""
         return AxisRates(self.rate_limit_rad_s, self.acceleration_limit_rad_s2)
 
-    def slew_s(self, start: tuple[float, float], end: tuple[float, float]) -> float:
+    def slew_s(self, start: Pair, end: Pair) -> float:
         """Return the time from rest at one position to rest at another, both axes at once."""
         return self.axes.slew_s(start, end)

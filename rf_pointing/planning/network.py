@@ -96,13 +96,9 @@ class Programme:
         self._rows = csr_array((np.ones(len(columns)), (rows, columns)), shape=(len(cliques), len(nodes)))
 
     def assign(
-        self,
-        *,
-        owed: Sequence[Owed] = (),
-        held: Collection[int] = (),
-        barred: Collection[int] = (),
-        solving_s: float = SOLVING_S,
-    ) -> Assignment:
+        self, *, owed: Sequence[Owed] = (), held: Collection[int] = (),
+        barred: Collection[int] = (), solving_s: float = SOLVING_S,
+    ) -> Assignment:  # fmt: skip
         """Return which options the stations track.
 
         Parameters

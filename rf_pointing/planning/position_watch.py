@@ -16,8 +16,7 @@ the time P between two readings:
 import math
 from dataclasses import dataclass
 
-from rf_pointing.core import AXES
-from rf_pointing.core.types import Pair
+from rf_pointing.core import AXES, Pair
 
 JUMP = 1.5
 STEPS = 2.0
@@ -74,13 +73,9 @@ class PositionWatch:
         return any(axis is not None and axis.bad for axis in self._axes)
 
     def step(
-        self,
-        t_s: float,
-        position_rad: Pair,
-        set_point_rad: tuple[float | None, float | None],
-        latency_s: float,
-        within_s: float = 0.0,
-    ) -> tuple[Pair, str]:
+        self, t_s: float, position_rad: Pair, set_point_rad: tuple[float | None, float | None],
+        latency_s: float, within_s: float = 0.0,
+    ) -> tuple[Pair, str]:  # fmt: skip
         """Return the angles to use, bridged where one jumped, and "" or what is wrong.
 
         `set_point_rad` are those in force, None for an axis that was stopped.  The angles were

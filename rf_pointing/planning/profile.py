@@ -9,10 +9,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rf_pointing.core import angular_distance_rad, as_finite_array, unit_vector_from_azel
+from rf_pointing.core import Array, angular_distance_rad, as_finite_array, unit_vector_from_azel
 from rf_pointing.core.hermite import quintic_coefficients
 from rf_pointing.core.kinematics import Kinematics, motion_of_vectors, vectors_of_motion
-from rf_pointing.core.types import Array
 
 STEP_S = 0.1
 # A pass of 83 min.  Longer ones are of high orbits, the Moon and the Sun.

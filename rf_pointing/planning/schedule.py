@@ -93,12 +93,9 @@ def schedule(
 
 
 def reasons_against(
-    candidates: Sequence[Candidate],
-    tracked: Sequence[tuple[int, int]],
-    axes: AxisRates,
-    start: tuple[float, Pair],
-    gap_s: float = 0.0,
-) -> dict[int, str]:
+    candidates: Sequence[Candidate], tracked: Sequence[tuple[int, int]], axes: AxisRates,
+    start: tuple[float, Pair], gap_s: float = 0.0,
+) -> dict[int, str]:  # fmt: skip
     """Return why each candidate with a turn is not in the result `tracked` of `schedule`."""
     reasons, kept = _Reasons(candidates, tracked, axes, start, gap_s), {k for k, _ in tracked}
     return {k: reasons.of(one) for k, one in enumerate(candidates) if k not in kept and one.turns}
@@ -115,13 +112,9 @@ def turn_s(axes: AxisRates, start: Array, end: Array) -> Array:
 
 
 def _best_chain(
-    candidates: Sequence[Candidate],
-    free: Sequence[int],
-    fixed: Sequence[int],
-    axes: AxisRates,
-    start: tuple[float, Pair],
-    gap_s: float,
-) -> list[tuple[int, int]]:
+    candidates: Sequence[Candidate], free: Sequence[int], fixed: Sequence[int], axes: AxisRates,
+    start: tuple[float, Pair], gap_s: float,
+) -> list[tuple[int, int]]:  # fmt: skip
     """Return all of `fixed` (in order of time) and those of `free` that make the best plan."""
     # Node 0 is the antenna at rest; the rest are the turns of the passes in order of rise.
     order = sorted([*free, *fixed], key=lambda k: (candidates[k].aos_t_s, candidates[k].los_t_s, k))
@@ -189,13 +182,9 @@ class _Reasons:
     """Why passes are not tracked, against the passes that are."""
 
     def __init__(
-        self,
-        candidates: Sequence[Candidate],
-        tracked: Sequence[tuple[int, int]],
-        axes: AxisRates,
-        start: tuple[float, Pair],
-        gap_s: float,
-    ) -> None:
+        self, candidates: Sequence[Candidate], tracked: Sequence[tuple[int, int]], axes: AxisRates,
+        start: tuple[float, Pair], gap_s: float,
+    ) -> None:  # fmt: skip
         self._tracked = [(candidates[k], candidates[k].turns[turn]) for k, turn in tracked]
         self._begins = [one.aos_t_s for one, _ in self._tracked]
         self._axes, self._start, self._gap_s = axes, start, gap_s

@@ -16,9 +16,8 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from rf_pointing.core.types import Array, Pair
+from rf_pointing.core.types import Array, IntArray, Pair
 from rf_pointing.planning.forbidden_sky import EARTH_RATE_RAD_S, ForbiddenSky, angle_between
 from rf_pointing.planning.limits import AxisRates
 
@@ -312,7 +311,7 @@ class _FreeColumns:
                 return corners
         return []
 
-    def _components(self, low: Array, high: Array) -> NDArray[np.int64]:
+    def _components(self, low: Array, high: Array) -> IntArray:
         """Return which pieces (2, n) are connected, by a number; -1 where there is no piece."""
         index = np.arange(low.size).reshape(low.shape)
         rows, columns = [], []
@@ -331,7 +330,7 @@ class _FreeColumns:
             labels = labels[labels]
         return np.where(low <= high, labels.reshape(low.shape), -1)
 
-    def _reached(self, component: NDArray[np.int64], *, forward: bool) -> dict[int, tuple[int, int, Pair]]:
+    def _reached(self, component: IntArray, *, forward: bool) -> dict[int, tuple[int, int, Pair]]:
         """Return by component the nearest piece, and place in it, with a free leg from or to it."""
         here, edges = self._start if forward else self._end, self._edges
         first = int(np.searchsorted(edges, here[0] - NEAR_RAD))

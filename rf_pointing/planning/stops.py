@@ -11,7 +11,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from rf_pointing.core.types import TURN, Array
+from rf_pointing.core.types import TURN, Array, Pair
 from rf_pointing.planning.crossing import MARGIN_S, AxisMotionLimits, Crossing, Gain, smoothing_kernel
 from rf_pointing.planning.forbidden_sky import angle_between
 
@@ -22,15 +22,9 @@ INSIDE_RAD = 1e-3
 
 
 def within_stops(
-    t_s: Array,
-    position: Array,
-    velocity: Array,
-    acceleration: Array,
-    ends_rad: tuple[float, float],
-    gain: Gain,
-    limits: AxisMotionLimits,
-    target: Array | None = None,
-) -> Crossing | None:
+    t_s: Array, position: Array, velocity: Array, acceleration: Array, ends_rad: Pair, gain: Gain,
+    limits: AxisMotionLimits, target: Array | None = None,
+) -> Crossing | None:  # fmt: skip
     """Return the motion of least loss that keeps an azimuth within `ends_rad`; None without one.
 
     The path (n, 2) is as the axes would have to move, at even times.  One that crosses the zenith
@@ -49,9 +43,7 @@ def within_stops(
     return best[1] if best else None
 
 
-def _ways(
-    t_s: Array, azimuth: Array, ends_rad: tuple[float, float], rate: float
-) -> Iterator[tuple[Array, int, int, int]]:
+def _ways(t_s: Array, azimuth: Array, ends_rad: Pair, rate: float) -> Iterator[tuple[Array, int, int, int]]:
     """Yield azimuths (n,) with corners, the rows of the first and the last one, and the turns."""
     low, high = ends_rad[0] + INSIDE_RAD, ends_rad[1] - INSIDE_RAD
     past = np.flatnonzero((azimuth < low) | (azimuth > high))
@@ -73,14 +65,9 @@ def _ways(
 
 
 def _rounded(
-    t_s: Array,
-    position: Array,
-    velocity: Array,
-    acceleration: Array,
-    way: tuple[Array, int, int, int],
-    limits: AxisMotionLimits,
-    target: Array,
-) -> Crossing:
+    t_s: Array, position: Array, velocity: Array, acceleration: Array,
+    way: tuple[Array, int, int, int], limits: AxisMotionLimits, target: Array,
+) -> Crossing:  # fmt: skip
     wanted, first, last, turns = way
     step_s = float(t_s[1] - t_s[0])
     rates = np.diff(wanted) / step_s

@@ -23,8 +23,7 @@ from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from rf_pointing.core import AXES, Params, parameter
-from rf_pointing.core.types import Pair
+from rf_pointing.core import AXES, Pair, Params, parameter
 
 # A rate that changes by so many times what the drive can give in a tick is a wrong reading.
 JUMP = 3.0
@@ -43,15 +42,13 @@ MEAN_S = 600.0
 class AxisWatchParams(Params):
     """Differences between encoder and tachometer from which on an axis is at fault."""
 
-    jump_rad: float = parameter(math.radians(0.03), "encoder off its prediction in one tick", low=1e-6, high=1.0)
-    bridged_samples: int = parameter(3, "samples in a row that are bridged", low=0, high=50)
-    drift_rad: float = parameter(
-        math.radians(0.03), "encoder off the integrated rate within the window", low=1e-6, high=1.0
-    )
+    jump_rad: float = parameter(math.radians(0.03), "encoder off its prediction in one tick", 1e-6, 1.0)
+    bridged_samples: int = parameter(3, "samples in a row that are bridged", 0, 50)
+    drift_rad: float = parameter(math.radians(0.03), "encoder off the integrated rate within the window", 1e-6, 1.0)
     frozen_rad: float = parameter(
-        math.radians(0.008), "motion by the tachometer during which the encoder must change", low=1e-7, high=1.0
+        math.radians(0.008), "motion by the tachometer during which the encoder must change", 1e-7, 1.0
     )
-    window_s: float = parameter(0.16, "window of the comparison", low=0.02, high=2.0)
+    window_s: float = parameter(0.16, "window of the comparison", 0.02, 2.0)
 
 
 class _Axis:
@@ -64,8 +61,8 @@ class _Axis:
         self.bad = 0
         self.travel = 0.0
         self.frozen_travel = 0.0
-        self.window: deque[tuple[float, float]] = deque(maxlen=samples)
-        self.shown: deque[tuple[float, float]] = deque(maxlen=samples)
+        self.window: deque[Pair] = deque(maxlen=samples)
+        self.shown: deque[Pair] = deque(maxlen=samples)
 
 
 class AxisWatch:
@@ -167,28 +164,22 @@ class AxisWatch:
 class DriveWatchParams(Params):
     """Known response of both drives, and how far one may differ from it."""
 
-    bandwidth_hz: float = parameter(20.0 / (2.0 * math.pi), "bandwidth of the rate loops", low=0.01, high=100.0)
-    acceleration_limit_rad_s2: float = parameter(
-        math.radians(2.0), "largest acceleration of the drives", low=1e-6, high=100.0
-    )
-    rate_limit_rad_s: float = parameter(math.radians(2.0), "largest rate of the drives", low=1e-6, high=10.0)
-    delay_s: float = parameter(0.0, "time that a command may take to act", low=0.0, high=1.0)
-    margin: float = parameter(1.3, "a drive may follow its command so many times faster", low=1.0, high=10.0)
-    disturbance_rad_s2: float = parameter(
-        math.radians(1.5), "largest steady acceleration by the wind", low=0.0, high=10.0
-    )
-    disturbance_time_s: float = parameter(0.3, "time in which it becomes known", low=0.02, high=60.0)
-    slack_rad_s2: float = parameter(
-        math.radians(0.3), "unexplained acceleration that is not a fault", low=0.0, high=10.0
-    )
+    bandwidth_hz: float = parameter(20.0 / (2.0 * math.pi), "bandwidth of the rate loops", 0.01, 100.0)
+    acceleration_limit_rad_s2: float = parameter(math.radians(2.0), "largest acceleration of the drives", 1e-6, 100.0)
+    rate_limit_rad_s: float = parameter(math.radians(2.0), "largest rate of the drives", 1e-6, 10.0)
+    delay_s: float = parameter(0.0, "time that a command may take to act", 0.0, 1.0)
+    margin: float = parameter(1.3, "a drive may follow its command so many times faster", 1.0, 10.0)
+    disturbance_rad_s2: float = parameter(math.radians(1.5), "largest steady acceleration by the wind", 0.0, 10.0)
+    disturbance_time_s: float = parameter(0.3, "time in which it becomes known", 0.02, 60.0)
+    slack_rad_s2: float = parameter(math.radians(0.3), "unexplained acceleration that is not a fault", 0.0, 10.0)
     gained_rad_s: float = parameter(
-        math.radians(0.02), "rate gained without a command that is a runaway; twice it at first", low=1e-6, high=1.0
+        math.radians(0.02), "rate gained without a command that is a runaway; twice it at first", 1e-6, 1.0
     )
     excess_rad_s: float = parameter(
-        math.radians(0.5), "rate beyond the commanded one that is a runaway, however it came", low=1e-5, high=1.0
+        math.radians(0.5), "rate beyond the commanded one that is a runaway, however it came", 1e-5, 1.0
     )
-    bridged_samples: int = parameter(3, "impossible readings in a row that are bridged", low=0, high=50)
-    overspeed: float = parameter(1.1, "rate over the drives' largest that is a runaway", low=1.0, high=3.0)
+    bridged_samples: int = parameter(3, "impossible readings in a row that are bridged", 0, 50)
+    overspeed: float = parameter(1.1, "rate over the drives' largest that is a runaway", 1.0, 3.0)
 
 
 class _Drive:
@@ -218,9 +209,7 @@ class DriveWatch:
         self.reset()
 
     def _over(self, passed_s: float) -> Pair:
-        return (
-            math.exp(-self._bandwidth * passed_s), 1.0 - math.exp(-passed_s / self.params.disturbance_time_s)
-        )  # fmt: skip
+        return (math.exp(-self._bandwidth * passed_s), 1.0 - math.exp(-passed_s / self.params.disturbance_time_s))
 
     def reset(self) -> None:
         """Begin with the drives as they are: none has run away, and no wind is known."""
@@ -328,13 +317,13 @@ class DriveWatch:
 class WindWatchParams(Params):
     """Speeds at which the antenna is stowed, and how it comes out again."""
 
-    gust_limit_m_s: float = parameter(25.0, "3-s gust from which the antenna is stowed", low=1.0, high=100.0)
-    mean_limit_m_s: float = parameter(18.0, "10-min mean from which the antenna is stowed", low=1.0, high=100.0)
+    gust_limit_m_s: float = parameter(25.0, "3-s gust from which the antenna is stowed", 1.0, 100.0)
+    mean_limit_m_s: float = parameter(18.0, "10-min mean from which the antenna is stowed", 1.0, 100.0)
     watched: bool = parameter(True, "whether there is an anemometer; without one the wind is not watched")
     stows: bool = parameter(True, "whether high wind stows the antenna; false: it is only warned of")
-    release_share: float = parameter(0.8, "share of both below which it may come out", low=0.1, high=1.0)
-    release_s: float = parameter(60.0, "time for which both must stay below", low=0.0, high=7200.0)
-    silence_s: float = parameter(5.0, "time without a reading that counts as high wind", low=0.1, high=600.0)
+    release_share: float = parameter(0.8, "share of both below which it may come out", 0.1, 1.0)
+    release_s: float = parameter(60.0, "time for which both must stay below", 0.0, 7200.0)
+    silence_s: float = parameter(5.0, "time without a reading that counts as high wind", 0.1, 600.0)
 
 
 class WindWatch:

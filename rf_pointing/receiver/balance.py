@@ -63,11 +63,9 @@ class ChannelBalance:
         words = [
             f"{name}: gain {gain_db:+.1f} dB, phase {math.degrees(phase):+.0f} deg"
             for name, gain_db, phase in zip(
-                ("cross-elevation", "elevation"),
-                self.gain_drift_db,
-                self.phase_drift_rad,
+                ("cross-elevation", "elevation"), self.gain_drift_db, self.phase_drift_rad,
                 strict=True,
             )
             if abs(gain_db) > DRIFT_DB or abs(phase) > DRIFT_RAD
-        ]
+        ]  # fmt: skip
         return f"difference channels have drifted, calibrate: {'; '.join(words)}" if words else ""

@@ -33,7 +33,7 @@ class BandPower:
 
     def __init__(self, params: SignalSearchParams, layout: Layout) -> None:
         self._params, self._layout = params, layout
-        self._half = max(1, round(0.5 * params.band_hz / layout.bin_hz))
+        self.half_bins = max(1, round(0.5 * params.band_hz / layout.bin_hz))
         self._fast, self._slow = (_Average(layout.hop_s / each) for each in (FOLLOW_S, WEAK_S))
         self._strong = False
         self._before: float | None = None
@@ -44,19 +44,14 @@ class BandPower:
     @property
     def band_hz(self) -> float:
         """The band that is measured, whole bins."""
-        return (2 * self._half + 1) * self._layout.bin_hz
-
-    @property
-    def half_bins(self) -> int:
-        """Bins of the band on either side of its middle."""
-        return self._half
+        return (2 * self.half_bins + 1) * self._layout.bin_hz
 
     def take(self, power: NDArray[np.float32]) -> float:
         """Take a block's spectrum around the predicted frequency; return the power in the band."""
         self._fast.take(power)
         self._slow.take(power)
         middle = len(power) // 2 + round(self.centre_bins)
-        inside = power[middle - self._half : middle + self._half + 1]
+        inside = power[middle - self.half_bins : middle + self.half_bins + 1]
         value = float(np.sum(inside, dtype=np.float64)) / (HANN_POWER * self._layout.block**2)
         if self._before is not None:
             self._count += 1
@@ -71,7 +66,7 @@ class BandPower:
             # Differences from before a step are of another scale.
             self._before, self._count, self._scatter = None, 0, 0.0
         if self._count < 10:
-            return power * math.sqrt(HANN_CORRELATION / (2 * self._half + 1) / blocks)
+            return power * math.sqrt(HANN_CORRELATION / (2 * self.half_bins + 1) / blocks)
         return math.sqrt(self._scatter / blocks)
 
     def forget(self) -> None:
@@ -105,8 +100,8 @@ class BandPower:
         middle = len(mean) // 2
         reach = max(1, round(params.uncertainty_hz / self._layout.bin_hz))
         sums, known = (np.concatenate([[0.0], np.cumsum(each)]) for each in (mean, mean > 0.0))
-        width, aside = 2 * self._half + 1, 3 * self._half if apart else 0
-        begins = np.arange(middle - reach - self._half, middle + reach - self._half + 1)
+        width, aside = 2 * self.half_bins + 1, 3 * self.half_bins if apart else 0
+        begins = np.arange(middle - reach - self.half_bins, middle + reach - self.half_bins + 1)
         begins = begins[(begins >= aside) & (begins + width + aside < len(sums))]
         held = sums[begins + width] - sums[begins]
         if apart:
@@ -128,7 +123,7 @@ class BandPower:
             return None
         # A flat top has no one best place: the middle of those that are as good.
         good = np.flatnonzero(held >= held[at] - sigma)
-        return float(np.mean(begins[good])) + self._half - middle
+        return float(np.mean(begins[good])) + self.half_bins - middle
 
 
 class _Average:

@@ -23,7 +23,7 @@ import numpy as np
 import scipy.fft
 from numpy.typing import NDArray
 
-from rf_pointing.core.types import Array, ComplexArray
+from rf_pointing.core.types import Array, ComplexArray, Pair
 from rf_pointing.receiver.params import SignalSearchParams
 from rf_pointing.receiver.spectrum import Layout, Spectrum
 
@@ -53,10 +53,8 @@ class Loop:
 
     def __init__(self, bandwidth_hz: float, step_s: float) -> None:
         self._natural, self._assist, self._step_s = (
-            NATURAL * bandwidth_hz,
-            ASSIST_SHARE * ASSIST * bandwidth_hz,
-            step_s,
-        )
+            NATURAL * bandwidth_hz, ASSIST_SHARE * ASSIST * bandwidth_hz, step_s,
+        )  # fmt: skip
         self.start(0.0)
 
     def start(self, frequency_hz: float, rate_hz_s: float = 0.0) -> None:
@@ -102,7 +100,7 @@ class CarrierTracker:
         self._angle, self._tracked = 0.0, 0
         self._images = np.zeros(2 * IMAGES + 1)
         # Size of the integrations and frequency since shortly before a loss can be known.
-        self._recent: deque[tuple[float, float]] = deque(maxlen=round(LOST_S / layout.hop_s))
+        self._recent: deque[Pair] = deque(maxlen=round(LOST_S / layout.hop_s))
         self._last_hz: float | None = None
         self.tracking = False
         self.jumps = 0
@@ -120,14 +118,9 @@ class CarrierTracker:
         return self.tracking and self._tracked * self._layout.hop_s > LOST_S and self._angle > 0.4
 
     def take(
-        self,
-        block: Spectrum,
-        predicted_hz: tuple[float, float],
-        frame: int,
-        power: NDArray[np.float32],
-        noise: float,
-        drifts: bool = False,
-    ) -> ComplexArray:
+        self, block: Spectrum, predicted_hz: Pair, frame: int, power: NDArray[np.float32],
+        noise: float, drifts: bool = False,
+    ) -> ComplexArray:  # fmt: skip
         """Take a block; return its integration (channels,) at the carrier.
 
         `predicted_hz` are the frequencies at the begin and end of its middle part, from the centre
@@ -147,7 +140,7 @@ class CarrierTracker:
         return prompt
 
     def _mixed(
-        self, block: Spectrum, predicted_hz: tuple[float, float], offset_hz: float, phase: float
+        self, block: Spectrum, predicted_hz: Pair, offset_hz: float, phase: float
     ) -> tuple[ComplexArray, float]:
         """Return the channel (channels, m) without the given frequency, and the turns it takes."""
         layout = self._layout
@@ -167,13 +160,9 @@ class CarrierTracker:
         return samples * np.exp(-2j * np.pi * turns), 0.5 * (begin + end) * layout.hop_s
 
     def _search(
-        self,
-        block: Spectrum,
-        predicted_hz: tuple[float, float],
-        frame: int,
-        power: NDArray[np.float32],
+        self, block: Spectrum, predicted_hz: Pair, frame: int, power: NDArray[np.float32],
         drifts: bool,
-    ) -> None:
+    ) -> None:  # fmt: skip
         if self._candidate_hz is not None:
             self._fine.append(
                 self._mixed(block, predicted_hz, self._candidate_hz, self._phase)[0][0]
@@ -300,7 +289,7 @@ class CarrierTracker:
 
 def significant_peak(
     mean: Array, looks: float, params: SignalSearchParams, bin_hz: float
-) -> tuple[float, float] | None:
+) -> Pair | None:
     """Return bin (from the middle, with its fraction) and height over the noise of the top peak.
 
     None where noise alone may give it.

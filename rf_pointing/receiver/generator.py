@@ -12,8 +12,7 @@ import numpy as np
 import scipy.fft
 from numpy.typing import ArrayLike, NDArray
 
-from rf_pointing.core import random_stream
-from rf_pointing.core.types import Array, ComplexArray
+from rf_pointing.core import Array, ComplexArray, Pair, random_stream
 from rf_pointing.receiver.nco import Oscillator
 from rf_pointing.receiver.params import GeneratorParams
 from rf_pointing.receiver.spectrum import Samples
@@ -36,7 +35,7 @@ class SignalGenerator:
         self.count = 0
         """Samples made so far."""
 
-    def take(self, count: int, offset_hz: tuple[float, float], volts: ArrayLike) -> Samples:
+    def take(self, count: int, offset_hz: Pair, volts: ArrayLike) -> Samples:
         """Return the next samples (channels, count).
 
         `offset_hz` are the carrier's offsets from the centre at begin and end; `volts` (channels,)

@@ -10,8 +10,7 @@ from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
 
-from rf_pointing.core.dates import parse_utc
-from rf_pointing.core.whole_file import read_whole
+from rf_pointing.core import parse_utc, read_whole
 from rf_pointing.receiver.source import CHUNK, WAIT_S, Arrival, ByteSource, Source
 from rf_pointing.receiver.spectrum import Samples
 

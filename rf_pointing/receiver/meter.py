@@ -11,8 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.core import CarrierPower, MonopulseCluster
-from rf_pointing.core.types import Array, BoolArray, ComplexArray
+from rf_pointing.core import Array, BoolArray, CarrierPower, ComplexArray, MonopulseCluster, Pair
 from rf_pointing.receiver.balance import ChannelBalance
 from rf_pointing.receiver.band import BandPower, band_bound
 from rf_pointing.receiver.carrier import CarrierTracker, power_bound
@@ -69,9 +68,7 @@ class MeterState:
     blocks: int = 0
 
 
-def centre_offset_hz(
-    params: SignalReceiverParams, stated_hz: float | None = None
-) -> tuple[float, float]:
+def centre_offset_hz(params: SignalReceiverParams, stated_hz: float | None = None) -> Pair:
     """Return where the carrier lies from the middle of the spectrum, and the sign of its Doppler.
 
     `stated_hz` is the centre as the source states it.
@@ -348,12 +345,10 @@ class SignalMeter:
         assert end_s is not None
         self._burst_s, self._level_db_hz = end_s, 10.0 * math.log10(burst.ratio_hz)
         power = CarrierPower(
-            t_s=end_s,
-            integration_s=burst.seconds,
-            power_w=burst.ratio_hz * watts,
+            t_s=end_s, integration_s=burst.seconds, power_w=burst.ratio_hz * watts,
             sigma_w=math.hypot(burst.sigma_hz, burst.ratio_hz * self.noise.sigma) * watts,
             carrier_to_noise_db_hz=self._level_db_hz,
-        )
+        )  # fmt: skip
         return Measurement(power, None, power_bound(burst.ratio_hz, burst.seconds) * watts)
 
     def _cluster(self, power: CarrierPower, density: float) -> MonopulseCluster:
@@ -363,12 +358,9 @@ class SignalMeter:
         prompts = prompts / math.sqrt(density)
         times = np.array(self._times) - 0.5 * self.layout.hop_s
         return MonopulseCluster(
-            t_s=times,
-            sum=prompts[:, 0],
-            difference_cross_elevation=prompts[:, 1],
-            difference_elevation=prompts[:, 2],
-            carrier_to_noise_db_hz=power.carrier_to_noise_db_hz,
-        )
+            t_s=times, sum=prompts[:, 0], difference_cross_elevation=prompts[:, 1],
+            difference_elevation=prompts[:, 2], carrier_to_noise_db_hz=power.carrier_to_noise_db_hz,
+        )  # fmt: skip
 
     def _watch_lines(self, spectrum: NDArray[np.float32], usable: BoolArray, blocks: int) -> None:
         self._long += blocks * spectrum

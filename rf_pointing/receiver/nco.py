@@ -8,7 +8,7 @@ carrier (NCO after eq. 5).
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.core.types import Array
+from rf_pointing.core.types import Array, IntArray
 from rf_pointing.receiver.params import OscillatorParams
 
 
@@ -29,7 +29,7 @@ class Oscillator:
             table = (np.rint(scale * table.real) + 1j * np.rint(scale * table.imag)) / full
         self._table = table.astype(np.complex64)
 
-    def words(self, cycles: Array) -> NDArray[np.int64]:
+    def words(self, cycles: Array) -> IntArray:
         """Return the dithered and truncated phases of these cycles (n,), as table addresses."""
         params = self.params
         place = cycles * 2.0**params.phase_bits

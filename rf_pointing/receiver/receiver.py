@@ -35,10 +35,6 @@ class SignalReceiver:
         self._spin_text = ""
         self._age_s = 0.0
 
-    def take_range_rate(self, t_s: float, range_rate_m_s: float) -> None:
-        """Note how fast the target recedes at `t_s`, which may be ahead of time."""
-        self.meter.doppler.take(t_s, range_rate_m_s)
-
     def step(self, t_s: float) -> list[Measurement]:
         """Return what was measured since the last step."""
         found: list[Measurement] = []
@@ -52,10 +48,8 @@ class SignalReceiver:
         for each in found:
             self.spin.take(each.power.t_s, each.power.power_w)
             self.newest, self.reports, self._age_s = (
-                each.power,
-                self.reports + 1,
-                t_s - each.power.t_s,
-            )
+                each.power, self.reports + 1, t_s - each.power.t_s,
+            )  # fmt: skip
         if t_s - self._spin_s > SPIN_EVERY_S or t_s < self._spin_s:
             spin, self._spin_s = self.spin.estimate(), t_s
             self._spin_text = "" if spin is None else (

@@ -24,15 +24,10 @@ SIMULATED, TOPIC = "simulated", "topic"
 SAMPLES = ("rtl_tcp", "soapy", "sigmf", "zmq", "vita49")
 TYPES = (SIMULATED, TOPIC, *SAMPLES, *LEVELS)
 _MODULES = {
-    "rtl_tcp": "iq_sources.RtlTcp",
-    "soapy": "iq_sources.Soapy",
-    "sigmf": "iq_sources.SigMf",
-    "zmq": "iq_sources.Zmq",
-    "vita49": "vita49.Vita49",
-    "scpi": "level_sources.Scpi",
-    "rigctl": "level_sources.Rigctl",
-    "level": "level_sources.TextLevel",
-}
+    "rtl_tcp": "iq_sources.RtlTcp", "soapy": "iq_sources.Soapy", "sigmf": "iq_sources.SigMf",
+    "zmq": "iq_sources.Zmq", "vita49": "vita49.Vita49", "scpi": "level_sources.Scpi",
+    "rigctl": "level_sources.Rigctl", "level": "level_sources.TextLevel",
+}  # fmt: skip
 
 
 def known_types() -> list[str]:

@@ -24,7 +24,7 @@ from rf_pointing.receiver.vita49 import (
     encode_context,
     encode_packet,
     encode_samples,
-)  # fmt: skip
+)
 
 R820T, GAINS = 5, 29
 """Tuner and number of its gains, as a usual RTL-SDR reports them."""

@@ -107,13 +107,9 @@ class Source:
             self._thread.join(timeout=2.0 * CONNECT_S)
 
     def iq(
-        self,
-        samples: Samples,
-        clipped: float = 0.0,
-        t_s: float | None = None,
-        centre_hz: float | None = None,
-        rate_hz: float | None = None,
-    ) -> IqSamples:
+        self, samples: Samples, clipped: float = 0.0, t_s: float | None = None,
+        centre_hz: float | None = None, rate_hz: float | None = None,
+    ) -> IqSamples:  # fmt: skip
         """Return samples (channels, n) that have just been read, and count them."""
         index, self.index = self.index, self.index + samples.shape[1]
         rate_hz = rate_hz or self.params.iq.rate_hz

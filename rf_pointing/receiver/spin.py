@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from rf_pointing.core.types import Array
+from rf_pointing.core.types import Array, Pair
 
 WINDOW_S = 60.0
 FEWEST = 100
@@ -36,7 +36,7 @@ class SpinWatch:
 
     def __init__(self, window_s: float = WINDOW_S) -> None:
         self._window_s = window_s
-        self._rows: deque[tuple[float, float]] = deque()
+        self._rows: deque[Pair] = deque()
 
     def take(self, t_s: float, power: float) -> None:
         """Note a power; a step back in time forgets what was known."""
@@ -77,7 +77,7 @@ class SpinWatch:
         return Spin(float(found.x), sigma_hz, depth)
 
 
-def _fit(frequency_hz: float, t_s: Array, trend: Array, relative: Array) -> tuple[float, float]:
+def _fit(frequency_hz: float, t_s: Array, trend: Array, relative: Array) -> Pair:
     """Return depth and sum of squared residuals of a sinusoid of this frequency on a trend."""
     angle = 2.0 * np.pi * frequency_hz * t_s
     design = np.column_stack([trend, np.cos(angle), np.sin(angle)])

@@ -188,13 +188,9 @@ class Vita49(ByteSource):
         return (self._placed(samples, clipped, stamp, rate_hz, context.centre_hz),)
 
     def _placed(
-        self,
-        samples: Samples,
-        clipped: float,
-        stamp: tuple[int, int],
-        rate_hz: float,
+        self, samples: Samples, clipped: float, stamp: tuple[int, int], rate_hz: float,
         centre_hz: float | None,
-    ) -> Arrival:
+    ) -> Arrival:  # fmt: skip
         """Return the samples with their index, which follows from their time: lost ones count."""
         seconds, picoseconds = stamp
         if self._origin is not None:

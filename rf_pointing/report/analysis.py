@@ -14,10 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.core import MDEG
-from rf_pointing.core.modes import Mode
+from rf_pointing.core import MDEG, Array, BoolArray, IntArray, Mode
 from rf_pointing.core.pass_outcome import is_held, pointing_loss_db, received_power
-from rf_pointing.core.types import Array, IntArray
 from rf_pointing.report.recording import Pass, Recording
 from rf_pointing.report.summary import Acquisition, ErrorStatistics, Spread, reduced
 from rf_pointing.report.topics import TopicData
@@ -78,7 +76,7 @@ class Timeline:
         reasons, spans = self.columns["reason"], zip(starts, edges[:-1], edges[1:], strict=True)
         return [Interval(str(mode[i]), start, end, str(reasons[i])) for i, start, end in spans]
 
-    def is_tracking_at(self, stamp_ns: IntArray) -> NDArray[np.bool_]:
+    def is_tracking_at(self, stamp_ns: IntArray) -> BoolArray:
         """Return whether the beam was meant to be on the target at each stamp."""
         return np.isin(self.mode_at(stamp_ns), tracking_modes())
 

@@ -5,15 +5,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.calibration import FitResult, Observations, SectorRule, StageReport, warnings_of
 from rf_pointing.calibration.coverage import on_the_sky
 from rf_pointing.calibration.terms import ALL_TERMS
-from rf_pointing.core import MDEG
-from rf_pointing.core.dates import to_utc_text
-from rf_pointing.core.types import Array
-from rf_pointing.core.whole_file import write_whole
+from rf_pointing.core import MDEG, Array, BoolArray, to_utc_text, write_whole
 from rf_pointing.report.html import Cell, render
 from rf_pointing.report.picture_style import AXIS_COLOURS, LIMIT_COLOUR, figure, legend_above
 
@@ -108,7 +104,7 @@ def _pass_errors(fit: FitResult) -> list[Sequence[str]]:
     ]
 
 
-def draw_coverage(points: Observations, used: NDArray[np.bool_], rule: SectorRule, path: Path) -> None:
+def draw_coverage(points: Observations, used: BoolArray, rule: SectorRule, path: Path) -> None:
     """Sky with zenith in the middle: sectors with their counts, thin ones tinted, and points."""
     coverage = rule.coverage(*points.sky_rad())
     with figure(path, 7.0, 7.0) as drawn:

@@ -20,9 +20,8 @@ from typing import Any
 
 import numpy as np
 
-from rf_pointing.core import MDEG, Mode, require_choice
+from rf_pointing.core import MDEG, Array, Mode, Pair, require_choice
 from rf_pointing.core.pass_outcome import pointing_loss_db, received_power
-from rf_pointing.core.types import Array
 from rf_pointing.core.whole_file import DATA_BYTES, parse_json, read_whole
 from rf_pointing.report.picture_style import figure
 
@@ -139,7 +138,7 @@ class Ledger:
         return "\n".join(lines)
 
 
-def shared(parts: Mapping[str, Array], width_rad: float) -> dict[str, tuple[float, float]]:
+def shared(parts: Mapping[str, Array], width_rad: float) -> dict[str, Pair]:
     """Return rms in mdeg and loss in dB of the parts (n, 2) in rad that make up an error."""
     errors = np.asarray(sum(parts.values()))
     radial = np.hypot(*errors.T)

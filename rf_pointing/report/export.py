@@ -23,8 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.core import AXES, require_choice
-from rf_pointing.core.whole_file import write_whole
+from rf_pointing.core import AXES, require_choice, write_whole
 from rf_pointing.report.recording import Pass, Recording
 from rf_pointing.report.topics import TOPICS, TopicData
 

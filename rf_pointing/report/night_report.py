@@ -13,10 +13,9 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-from rf_pointing.core.dates import utc_text
-from rf_pointing.core.whole_file import DATA_BYTES, parse_json, read_whole, write_whole
+from rf_pointing.core import DATA_BYTES, parse_json, read_whole, utc_text, write_whole
 from rf_pointing.operations.alarms import AlarmBook
-from rf_pointing.operations.pass_work import PassRecord, causes_between, filler_text, fillers_of
+from rf_pointing.operations.pass_work import PassRecord, causes_between, clock_text, filler_text, fillers_of
 from rf_pointing.report.error_ledger import shorts
 from rf_pointing.report.html import render
 
@@ -196,7 +195,7 @@ def page(report: NightReport, causes: Mapping[str, str] | None = None) -> str:
             for name, each in fillers_of(report.passes).items()
         ],
         alarms=[
-            {"clock": _clock(each.raised_t_s), "name": each.name.replace("_", " "),
+            {"clock": clock_text(each.raised_t_s), "name": each.name.replace("_", " "),
              "message": each.message, "level": ("", "warning", "error")[each.level],
              "span": _lasted(each)}
             for each in report.alarms
@@ -209,7 +208,7 @@ def page(report: NightReport, causes: Mapping[str, str] | None = None) -> str:
 def _row(one: PassRecord, causes: Mapping[str, str] | None = None) -> dict[str, Any]:
     return {
         "cause": (causes or {}).get(one.id, ""),
-        "clock": _clock(one.aos_t_s)[:5], "name": f"{one.name}, {one.band} band".removesuffix(",  band"),
+        "clock": clock_text(one.aos_t_s)[:5], "name": f"{one.name}, {one.band} band".removesuffix(",  band"),
         "state": one.state, "why": _why(one),
         "lost_s": round(one.lost_s), "loss_db": one.loss_db,
         "held": 100.0 * one.tracked_s / max(1.0, one.los_t_s - one.aos_t_s),
@@ -246,27 +245,23 @@ def _timeline(report: NightReport) -> dict[str, Any]:
     passes = [
         {"x": x(each.aos_t_s), "width": max(2.0, x(each.los_t_s) - x(each.aos_t_s)), "state": each.state,
          "lost": each.lost_s / max(1.0, each.los_t_s - each.aos_t_s),
-         "text": f"{each.name}, {_clock(each.aos_t_s)}: {each.state}, {each.lost_s:.0f} s lost"}
+         "text": f"{each.name}, {clock_text(each.aos_t_s)}: {each.state}, {each.lost_s:.0f} s lost"}
         for each in report.passes
     ]  # fmt: skip
     names = list(dict.fromkeys(each.name for each in report.alarms))
     alarms = [
         {"x": x(each.raised_t_s), "lane": names.index(each.name), "level": each.level,
          "width": max(3.0, x(each.until_t_s or report.ended_t_s) - x(each.raised_t_s)),
-         "text": f"{each.name}, {_clock(each.raised_t_s)}: {each.message}"}
+         "text": f"{each.name}, {clock_text(each.raised_t_s)}: {each.message}"}
         for each in report.alarms
     ]  # fmt: skip
     step_s = next(step for step in (900.0, 1800.0, 3600.0, 7200.0, 14400.0, 86400.0, math.inf) if span_s / step <= 12.0)
     first = math.ceil(report.begun_t_s / step_s)
     hours = [] if math.isinf(step_s) else [
-        {"x": x(k * step_s), "text": _clock(k * step_s)[:5]} for k in range(first, int(report.ended_t_s / step_s) + 1)
+        {"x": x(k * step_s), "text": clock_text(k * step_s)[:5]} for k in range(first, int(report.ended_t_s / step_s) + 1)
     ]  # fmt: skip
     return {"passes": passes, "alarms": alarms, "names": names, "hours": hours, "width": WIDTH, "lane": LANE,
             "height": 70.0 + LANE * len(names) + 24.0}  # fmt: skip
-
-
-def _clock(t_s: float) -> str:
-    return utc_text(t_s)[11:19]
 
 
 def _minute(t_s: float) -> str:

@@ -10,8 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rf_pointing.core.pass_outcome import LEAST_SHARE, LOSS_OF_SIGNAL, OF_ANTENNA, PassOutcome
-from rf_pointing.core.types import IntArray
+from rf_pointing.core import LEAST_SHARE, LOSS_OF_SIGNAL, OF_ANTENNA, IntArray, PassOutcome
 from rf_pointing.core.whole_file import parse_json, read_whole
 from rf_pointing.report.analysis import Analysis
 from rf_pointing.report.recording import Pass

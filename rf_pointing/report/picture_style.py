@@ -10,9 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from rf_pointing.core import azel_from_unit_vector, unit_vector_from_azel
-from rf_pointing.core.modes import Mode
-from rf_pointing.core.types import Array, IntArray
+from rf_pointing.core import Array, IntArray, Mode, azel_from_unit_vector, unit_vector_from_azel
 from rf_pointing.planning import HorizonMask
 from rf_pointing.report.analysis import Analysis
 from rf_pointing.tracking.sensors import SENSORS

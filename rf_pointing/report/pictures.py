@@ -9,10 +9,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rf_pointing.core import AXES, MDEG
-from rf_pointing.core.modes import Mode
+from rf_pointing.core import AXES, MDEG, Array, Mode, Pair
 from rf_pointing.core.pass_outcome import SIDELOBE_DB, pointing_loss_db, received_power
-from rf_pointing.core.types import Array
 from rf_pointing.planning.horizon import horizon_from_notes
 from rf_pointing.report import picture_style as style
 from rf_pointing.report.analysis import Analysis, ErrorSeries, tracking_modes
@@ -69,7 +67,7 @@ def _shown(mode: str, first: bool = True) -> str | None:
     return mode.replace("_", " ") if first else None
 
 
-def _decades(radial: Array, alone: Array, beamwidth_mdeg: float) -> tuple[float, float]:
+def _decades(radial: Array, alone: Array, beamwidth_mdeg: float) -> Pair:
     """Return the range of the drawing: that of the tracking modes and of the beam."""
     # A slew's degrees would squeeze the rest.
     tracking = np.isfinite(alone) if np.any(np.isfinite(alone)) else np.isfinite(radial)

@@ -7,9 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from rf_pointing.core.types import Array
+from rf_pointing.core.types import Array, BoolArray
 from rf_pointing.orbit.study import Knowledge
 from rf_pointing.planning import AxisLimits, HorizonMask
 from rf_pointing.radiometry.scan_fit import BASE, DRIFT, LEVEL, TILT, WIDTH, Samples, ScanFit
@@ -178,7 +177,7 @@ def draw_scan(samples: Samples, fit: ScanFit, title: str, path: Path) -> None:
         drawn.suptitle(title)
 
 
-def _draw_cut(axes: Any, along: Array, gain: Array, used: NDArray[np.bool_], colour: str) -> None:
+def _draw_cut(axes: Any, along: Array, gain: Array, used: BoolArray, colour: str) -> None:
     level = 10.0 * np.log10(np.maximum(gain, 10.0 ** (0.1 * FLOOR_DB)))
     axes.plot(along[used], level[used], ".", ms=2.5, color=colour)
     axes.plot(along[~used], level[~used], "x", ms=5.0, color=LIMIT_COLOUR)

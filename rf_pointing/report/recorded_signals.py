@@ -33,9 +33,7 @@ from rf_pointing.station.pointing.status import TrackingStatus
 
 CHANNELS = ("sum", "difference_cross_elevation", "difference_elevation")
 WIND = "weather/wind"
-_MOTION = {
-    "position_rad": "positions", "velocity_rad_s": "velocities", "acceleration_rad_s2": "accelerations",
-}  # fmt: skip
+_MOTION = {"position_rad": "positions", "velocity_rad_s": "velocities", "acceleration_rad_s2": "accelerations"}
 
 
 def _t_s(stamp: Any) -> float:
@@ -125,15 +123,12 @@ _PASS = _maker(Pass, name=lambda m: m.target, **_WHOLE)
 _ERROR = _maker(PointingError, covariance_rad2=lambda m: np.reshape(m.covariance, (2, 2)))
 MAKERS: dict[str, Callable[[Any], Any]] = {
     "target": _maker(Target, name=lambda m: m.target, uncertainty=_uncertainty),
-    "joint_states": _joints,
-    "joint_trajectory": _trajectory,
-    "antenna_status": _maker(DriveStatus),
+    "joint_states": _joints, "joint_trajectory": _trajectory, "antenna_status": _maker(DriveStatus),
     "tracking_status": _maker(TrackingStatus, half_power_beamwidth_rad=lambda m: m.beamwidth),
     Sensor.MONOPULSE: _cluster,
     "carrier_power": _maker(CarrierPower, integration_s=lambda m: m.integration_time),
-    "pointing_error": _ERROR,
-    "sim/pointing_error": _ERROR,
-}
+    "pointing_error": _ERROR, "sim/pointing_error": _ERROR,
+}  # fmt: skip
 """Signal of a message, by topic."""
 LAYOUTS: dict[str, TopicLayout] = {
     **TOPICS,

@@ -9,10 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from rf_pointing.calibration import BiasModel
-from rf_pointing.core import AXES, MDEG, sky_offset_rad
+from rf_pointing.core import AXES, MDEG, STANDBY_ROLE, Array, sky_offset_rad
 from rf_pointing.core.parameters import read_parameter_files, to_degrees
-from rf_pointing.core.signals import STANDBY_ROLE
-from rf_pointing.core.types import Array
 from rf_pointing.drives import takes_positions
 from rf_pointing.ephemeris import TopocentricTrack
 from rf_pointing.report.recorded_signals import RecordedPass

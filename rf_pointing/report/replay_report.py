@@ -12,9 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from rf_pointing.core import MDEG, random_stream
+from rf_pointing.core import MDEG, Array, Pair, random_stream
 from rf_pointing.core.pass_outcome import is_held, pointing_loss_db, received_power
-from rf_pointing.core.types import Array, Pair
 from rf_pointing.report.picture_style import figure, legend_above
 from rf_pointing.servo import PlantParams
 from rf_pointing.simulation.open_loop import Signals

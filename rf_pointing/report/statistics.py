@@ -7,10 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from rf_pointing.core import AXES, MDEG
-from rf_pointing.core.dates import utc_text
-from rf_pointing.core.modes import Sensor
-from rf_pointing.core.types import Array, IntArray
+from rf_pointing.core import AXES, MDEG, Array, IntArray, Sensor, utc_text
 from rf_pointing.planning.horizon import HORIZON_NOTE
 from rf_pointing.report import summary as table
 from rf_pointing.report.analysis import Analysis, ErrorSeries, Interval, Timeline, statistics_of, tracking_modes

@@ -18,9 +18,7 @@ from rosbags.interfaces.typing import Typesdict
 from rosbags.typesys import get_types_from_idl, get_types_from_msg
 from rosbags.typesys.store import Typestore
 
-from rf_pointing.core.modes import Sensor
-from rf_pointing.core.mount_types import axes_among
-from rf_pointing.core.types import Array, IntArray
+from rf_pointing.core import Array, BoolArray, IntArray, Sensor, axes_among
 
 Head = tuple[int, ...]
 # The leftmost match counts: `aos_t_s` loses `_t_s`, not only `_s`.
@@ -47,7 +45,7 @@ class TopicData:
     def __len__(self) -> int:
         return len(self.log_time_ns)
 
-    def part(self, chosen: NDArray[np.bool_]) -> "TopicData":
+    def part(self, chosen: BoolArray) -> "TopicData":
         """Return only the messages that are `chosen` (n,)."""
         return replace(
             self, log_time_ns=self.log_time_ns[chosen],

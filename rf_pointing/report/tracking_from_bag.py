@@ -11,10 +11,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.calibration import RawTracking, ReferenceTrack, split_passes
-from rf_pointing.core.types import Array
+from rf_pointing.core.types import Array, BoolArray
 from rf_pointing.report.recording import Recording, read_recording
 from rf_pointing.report.topics import TopicData, wire_name
 from rf_pointing.tracking.sensors import SENSORS, load_trackers
@@ -85,7 +84,7 @@ def _stretches(targets: TopicData) -> list[tuple[str, ReferenceTrack]]:
     return found
 
 
-_Sensed = tuple[Array, Array, Array, NDArray[np.bool_]]
+_Sensed = tuple[Array, Array, Array, BoolArray]
 """Times (n,), axis angles and the errors of the sensor (n, 2) there, and which are valid."""
 
 

@@ -4,8 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rf_pointing.core.modes import Sensor
-from rf_pointing.core.types import IntArray
+from rf_pointing.core import IntArray, Sensor
 from rf_pointing.report.recording import Recording
 from rf_pointing.report.summary import Latency, TopicTraffic, percentile_99, reduced
 from rf_pointing.report.topics import TOPICS, TopicData
@@ -27,15 +26,13 @@ class Hop:
 
 
 HOPS = (
-    Hop("clock", "joint_states"),
-    Hop("joint_states", "sim/boresight"),
-    Hop("sim/boresight", "sim/pointing_error"),
-    Hop("sim/boresight", Sensor.MONOPULSE),
+    Hop("clock", "joint_states"), Hop("joint_states", "sim/boresight"),
+    Hop("sim/boresight", "sim/pointing_error"), Hop("sim/boresight", Sensor.MONOPULSE),
     Hop("sim/boresight", "carrier_power"),
     Hop(Sensor.MONOPULSE, "pointing_error", sensor=Sensor.MONOPULSE),
     Hop("pointing_error", "tracking_status", "reaction"),
     Hop("pointing_error", "joint_trajectory", "reaction"),
-)
+)  # fmt: skip
 """The loop from the clock through antenna, receiver and tracker back to the command."""
 
 

@@ -12,10 +12,9 @@ from functools import lru_cache
 from typing import Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from rf_pointing.core import MDEG, MU, Params, parameter, require_choice
-from rf_pointing.core.roots import bracketed_root
+from rf_pointing.core import MDEG, MU, Array, Params, bracketed_root, parameter, require_choice
 
 # Half-power beamwidths of a 34-m dish (CONSCAN section IV for X and Ka).
 HALF_POWER_BEAMWIDTH_RAD = {"S": 264.0 * MDEG, "X": 65.0 * MDEG, "Ka": 17.0 * MDEG}
@@ -33,15 +32,13 @@ class BeamParams(Params):
     """Shape of the beam; every pattern has the same half-power beamwidth."""
 
     half_power_beamwidth_rad: float = parameter(
-        HALF_POWER_BEAMWIDTH_RAD["X"], "full width of the beam at half power", low=1e-6, high=1.4
+        HALF_POWER_BEAMWIDTH_RAD["X"], "full width of the beam at half power", 1e-6, 1.4
     )
     pattern: str = parameter("gaussian", "shape of the pattern", choices=PATTERNS)
     edge_taper_db: float = parameter(
-        12.0, "illumination at the rim below the centre (tapered)", low=0.0, high=60.0
+        12.0, "illumination at the rim below the centre (tapered)", 0.0, 60.0
     )
-    taper_exponent: int = parameter(
-        1, "exponent p of the illumination taper (tapered)", low=1, high=4
-    )
+    taper_exponent: int = parameter(1, "exponent p of the illumination taper (tapered)", 1, 4)
 
     @classmethod
     def for_band(cls, band: str, pattern: str = "gaussian") -> Self:
@@ -56,9 +53,7 @@ class Beam:
     def __init__(self, params: BeamParams) -> None:
         self.params = params
 
-    def voltage(
-        self, cross_elevation_rad: ArrayLike, elevation_rad: ArrayLike
-    ) -> NDArray[np.float64]:
+    def voltage(self, cross_elevation_rad: ArrayLike, elevation_rad: ArrayLike) -> Array:
         """Return the signed voltage at this offset from the beam axis, 1 on the axis."""
         angle = np.hypot(
             np.asarray(cross_elevation_rad, dtype=np.float64),
@@ -66,39 +61,29 @@ class Beam:
         )
         return normalised_voltage(self.params, angle / self.params.half_power_beamwidth_rad)
 
-    def power_gain(
-        self, cross_elevation_rad: ArrayLike, elevation_rad: ArrayLike
-    ) -> NDArray[np.float64]:
+    def power_gain(self, cross_elevation_rad: ArrayLike, elevation_rad: ArrayLike) -> Array:
         """Return the power relative to the target on the axis (CONSCAN eq. 1 for the Gaussian)."""
         return self.voltage(cross_elevation_rad, elevation_rad) ** 2
 
 
-def normalised_voltage(
-    params: BeamParams, angle_beamwidths: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def normalised_voltage(params: BeamParams, angle_beamwidths: Array) -> Array:
     """Return the voltage at `angle_beamwidths` half-power beamwidths from the axis."""
     if params.pattern == "gaussian":
         return np.exp(-0.5 * MU * angle_beamwidths**2)
-    pedestal, exponent = _illumination(params)
+    pedestal = 1.0 if params.pattern == "uniform" else 10.0 ** (-params.edge_taper_db / 20.0)
+    exponent = params.taper_exponent
     return _aperture_voltage(
         angle_beamwidths * _u_per_beamwidth(pedestal, exponent), pedestal, exponent
     )
 
 
-def _illumination(params: BeamParams) -> tuple[float, int]:
-    pedestal = 1.0 if params.pattern == "uniform" else 10.0 ** (-params.edge_taper_db / 20.0)
-    return pedestal, params.taper_exponent
-
-
-def _aperture_voltage(
-    u: NDArray[np.float64], pedestal: float, exponent: int
-) -> NDArray[np.float64]:
+def _aperture_voltage(u: Array, pedestal: float, exponent: int) -> Array:
     share = (1.0 - pedestal) / (exponent + 1.0)
     value = pedestal * _lambda(1, u) + share * _lambda(exponent + 1, u)
     return np.asarray(value / (pedestal + share))
 
 
-def _lambda(order: int, u: NDArray[np.float64]) -> NDArray[np.float64]:
+def _lambda(order: int, u: Array) -> Array:
     # Imported here: only patterns other than the Gaussian need it, and it costs half a second.
     from scipy.special import jv
 

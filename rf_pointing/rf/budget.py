@@ -15,8 +15,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
-from rf_pointing.core.types import Array
+from rf_pointing.core import SPEED_OF_LIGHT_M_S, Array
 from rf_pointing.rf.beam import Beam, BeamParams
 from rf_pointing.rf.link import Link
 from rf_pointing.rf.noise import BOLTZMANN_J_K, atmosphere_loss_db
@@ -40,13 +39,9 @@ def gain_of_beam_dbi(half_power_beamwidth_deg: float) -> float:
 
 
 def zenith_level_db_hz(
-    eirp_dbw: float,
-    gain_dbi: float,
-    frequency_hz: float,
-    range_m: float,
-    loss_db: float,
+    eirp_dbw: float, gain_dbi: float, frequency_hz: float, range_m: float, loss_db: float,
     noise_k: float,
-) -> float:
+) -> float:  # fmt: skip
     """Return the C/N0 of a satellite that sends `eirp_dbw`; `loss_db` is of air, polarisation."""
     spreading_db = 20.0 * math.log10(4.0 * math.pi * range_m * frequency_hz / SPEED_OF_LIGHT_M_S)
     density_dbw_hz = 10.0 * math.log10(BOLTZMANN_J_K * noise_k)

@@ -9,8 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rf_pointing.core import Params, parameter
-from rf_pointing.core.types import Array
+from rf_pointing.core import Array, Pair, Params, parameter
 
 PERIOD_S = 0.1
 """Time between two directions of an array, and length of the block that each is made of."""
@@ -32,22 +31,18 @@ LEAST_EFFECTIVE_SNR = 60.0
 class DishArrayParams(Params):
     """Patches evenly spaced on a circle, on or around a dish, that receive what the dish does."""
 
-    elements: int = parameter(12, "number of patches on the circle", low=5, high=64)
-    radius_m: float = parameter(0.12, "radius of the circle", low=1e-3, high=10.0)
-    wavelength_m: float = parameter(0.1332, "wavelength of the carrier", low=1e-3, high=30.0)
+    elements: int = parameter(12, "number of patches on the circle", 5, 64)
+    radius_m: float = parameter(0.12, "radius of the circle", 1e-3, 10.0)
+    wavelength_m: float = parameter(0.1332, "wavelength of the carrier", 1e-3, 30.0)
     element_loss_db: float = parameter(
-        25.0, "C/N0 of the dish less that of one patch", low=-20.0, high=120.0
+        25.0, "C/N0 of the dish less that of one patch", -20.0, 120.0
     )
     roll_rad: float = parameter(
-        0.0, "angle from the axis of the first patch to cross-elevation", low=-math.pi, high=math.pi
+        0.0, "angle from the axis of the first patch to cross-elevation", -math.pi, math.pi
     )
-    axis_cross_elevation_rad: float = parameter(
-        0.0, "array's axis right of the beam by", low=-0.8, high=0.8
-    )
-    axis_elevation_rad: float = parameter(0.0, "array's axis above the beam by", low=-0.8, high=0.8)
-    phase_sigma_rad: float = parameter(
-        0.02, "what the calibration leaves of the phases", low=0.0, high=0.5
-    )
+    axis_cross_elevation_rad: float = parameter(0.0, "array's axis right of the beam by", -0.8, 0.8)
+    axis_elevation_rad: float = parameter(0.0, "array's axis above the beam by", -0.8, 0.8)
+    phase_sigma_rad: float = parameter(0.02, "what the calibration leaves of the phases", 0.0, 0.5)
 
     @property
     def rotation(self) -> Array:
@@ -62,7 +57,7 @@ class DishArrayParams(Params):
         return np.asarray(roll @ above @ across)
 
 
-def direction_sigmas_rad(array: DishArrayParams, level_db_hz: float) -> tuple[float, float]:
+def direction_sigmas_rad(array: DishArrayParams, level_db_hz: float) -> Pair:
     """Return how far off each axis of a direction is, rms: from block to block, and all the time.
 
     `level_db_hz` is the C/N0 of the dish on the axis of its beam.  The first is the Cramer-Rao

@@ -6,18 +6,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rf_pointing.core import Params, parameter
-from rf_pointing.core.types import Array, ComplexArray
+from rf_pointing.core import Array, ComplexArray, Pair, Params, parameter
 
 
 @dataclass(frozen=True, kw_only=True)
 class DropoutParams(Params):
     """Random interruptions of the carrier."""
 
-    count: int = parameter(10, "dropouts in the interval", low=0, high=10000)
-    shortest_s: float = parameter(0.5, "shortest dropout", low=1e-3, high=3600.0)
-    longest_s: float = parameter(20.0, "longest dropout", low=1e-3, high=3600.0)
-    gap_s: float = parameter(5.0, "least time with a carrier between two", low=0.0, high=3600.0)
+    count: int = parameter(10, "dropouts in the interval", 0, 10000)
+    shortest_s: float = parameter(0.5, "shortest dropout", 1e-3, 3600.0)
+    longest_s: float = parameter(20.0, "longest dropout", 1e-3, 3600.0)
+    gap_s: float = parameter(5.0, "least time with a carrier between two", 0.0, 3600.0)
 
     ordered = ("shortest_s <= longest_s",)
 
@@ -55,9 +54,9 @@ class Dropouts:
 class SpinParams(Params):
     """Power modulation of a spinning spacecraft: 1 + depth cos(2 pi t / period + phase)."""
 
-    period_s: float = parameter(12.0, "spin period", low=0.01, high=36000.0)
-    depth: float = parameter(0.1, "amplitude relative to the mean power", low=0.0, high=0.95)
-    phase_rad: float = parameter(0.0, "phase at time zero", low=-math.pi, high=math.pi)
+    period_s: float = parameter(12.0, "spin period", 0.01, 36000.0)
+    depth: float = parameter(0.1, "amplitude relative to the mean power", 0.0, 0.95)
+    phase_rad: float = parameter(0.0, "phase at time zero", -math.pi, math.pi)
 
 
 def spin_gain_db(params: SpinParams, t_s: ArrayLike) -> Array:
@@ -70,18 +69,12 @@ def spin_gain_db(params: SpinParams, t_s: ArrayLike) -> Array:
 class InterferenceParams(Params):
     """A line near the carrier, through a sidelobe: its ratio in the differences is its own."""
 
-    level_db_hz: float = parameter(
-        25.0, "power of the line over the noise density", low=-40.0, high=120.0
-    )
-    frequency_offset_hz: float = parameter(
-        7.0, "distance from the carrier", low=-1000.0, high=1000.0
-    )
-    difference_ratio: tuple[float, float] = parameter(
-        (0.7, -0.4),
-        "voltage in cross-elevation and elevation difference over that in the sum",
-        low=-3.0,
-        high=3.0,
-    )
+    level_db_hz: float = parameter(25.0, "power of the line over the noise density", -40.0, 120.0)
+    frequency_offset_hz: float = parameter(7.0, "distance from the carrier", -1000.0, 1000.0)
+    difference_ratio: Pair = parameter(
+        (0.7, -0.4), "voltage in cross-elevation and elevation difference over that in the sum",
+        -3.0, 3.0,
+    )  # fmt: skip
 
 
 def interference_volts(params: InterferenceParams, t_s: Array, sample_s: float) -> ComplexArray:

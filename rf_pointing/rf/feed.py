@@ -13,11 +13,9 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from rf_pointing.core import Params, parameter
-from rf_pointing.core.roots import bracketed_root
-from rf_pointing.core.types import ComplexArray
+from rf_pointing.core import Array, ComplexArray, Pair, Params, bracketed_root, parameter
 from rf_pointing.rf.beam import BeamParams, normalised_voltage
 
 # Squint and width are in beamwidths, the same for every beam: one stands for all in the cache.
@@ -44,37 +42,27 @@ class MonopulseFeedParams(Params):
     """Gains and errors of the feed and its comparator; pairs are cross-elevation, elevation."""
 
     slope: float = parameter(
-        1.57, "h d(difference/sum)/dx on the axis, per half-power beamwidth", low=0.1, high=2.5
+        1.57, "h d(difference/sum)/dx on the axis, per half-power beamwidth", 0.1, 2.5
     )
-    difference_gain_db: tuple[float, float] = parameter(
-        (0.0, 0.0),
-        "gain of each difference channel relative to the sum channel",
-        low=-20.0,
-        high=20.0,
+    difference_gain_db: Pair = parameter(
+        (0.0, 0.0), "gain of each difference channel relative to the sum channel", -20.0, 20.0
     )
-    difference_phase_rad: tuple[float, float] = parameter(
-        (0.0, 0.0),
-        "phase of each difference channel relative to the sum channel",
-        low=-math.pi,
-        high=math.pi,
+    difference_phase_rad: Pair = parameter(
+        (0.0, 0.0), "phase of each difference channel relative to the sum channel", -math.pi,
+        math.pi,
+    )  # fmt: skip
+    cross_talk: Pair = parameter(
+        (0.0, 0.0), "voltage ratio of elevation in the cross-elevation channel and the reverse",
+        0.0, 1.0,
+    )  # fmt: skip
+    cross_talk_phase_rad: Pair = parameter(
+        (0.0, 0.0), "phase of each cross-talk", -math.pi, math.pi
     )
-    cross_talk: tuple[float, float] = parameter(
-        (0.0, 0.0),
-        "voltage ratio of elevation in the cross-elevation channel and the reverse",
-        low=0.0,
-        high=1.0,
+    sum_leakage: Pair = parameter(
+        (0.0, 0.0), "voltage ratio of the sum in each difference: shifts the null", 0.0, 1.0
     )
-    cross_talk_phase_rad: tuple[float, float] = parameter(
-        (0.0, 0.0), "phase of each cross-talk", low=-math.pi, high=math.pi
-    )
-    sum_leakage: tuple[float, float] = parameter(
-        (0.0, 0.0),
-        "voltage ratio of the sum in each difference: shifts the null",
-        low=0.0,
-        high=1.0,
-    )
-    sum_leakage_phase_rad: tuple[float, float] = parameter(
-        (0.0, 0.0), "phase of each sum leakage", low=-math.pi, high=math.pi
+    sum_leakage_phase_rad: Pair = parameter(
+        (0.0, 0.0), "phase of each sum leakage", -math.pi, math.pi
     )
 
 
@@ -107,9 +95,7 @@ class MonopulseFeed:
             gain[1, 0] * right + gain[1, 1] * up + self._leakage[1] * total,
         )
 
-    def power_gain(
-        self, cross_elevation_rad: ArrayLike, elevation_rad: ArrayLike
-    ) -> NDArray[np.float64]:
+    def power_gain(self, cross_elevation_rad: ArrayLike, elevation_rad: ArrayLike) -> Array:
         """Return the power of the sum channel relative to the target on the axis."""
         return np.abs(self.voltages(cross_elevation_rad, elevation_rad).sum) ** 2
 
@@ -128,20 +114,17 @@ def _mixing_matrix(params: MonopulseFeedParams) -> ComplexArray:
 
 
 def _comparator(
-    beam: BeamParams, squint: float, width: float, x: NDArray[np.float64], y: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    beam: BeamParams, squint: float, width: float, x: Array, y: Array
+) -> tuple[Array, Array, Array]:
     """Return sum, right minus left, upper minus lower of four beams at +-squint, over the sum."""
 
-    def beam_at(sign_x: float, sign_y: float) -> NDArray[np.float64]:
+    def beam_at(sign_x: float, sign_y: float) -> Array:
         angle = np.hypot(x - sign_x * squint, y - sign_y * squint) / width
         return normalised_voltage(beam, angle)
 
     upper_right, upper_left, lower_right, lower_left = (
-        beam_at(1, 1),
-        beam_at(-1, 1),
-        beam_at(1, -1),
-        beam_at(-1, -1),
-    )
+        beam_at(1, 1), beam_at(-1, 1), beam_at(1, -1), beam_at(-1, -1),
+    )  # fmt: skip
     # Relative to the sum on the axis, so that the C/N0 is that of a beam on the target.
     on_axis = 4.0 * float(normalised_voltage(beam, np.asarray(math.sqrt(2.0) * squint / width)))
     right, left = upper_right + lower_right, upper_left + lower_left
@@ -150,7 +133,7 @@ def _comparator(
 
 
 @lru_cache(maxsize=64)
-def _squint_and_width(beam: BeamParams, slope: float) -> tuple[float, float]:
+def _squint_and_width(beam: BeamParams, slope: float) -> Pair:
     """Return squint and beamwidth of the four beams, both in half-power beamwidths of the sum."""
     ratio = bracketed_root(
         lambda ratio: _sum_beamwidth(beam, ratio) * _slope_per_width(beam, ratio) - slope,

@@ -10,9 +10,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from rf_pointing.core import Params, parameter
+from rf_pointing.core import Array, Params, parameter
 from rf_pointing.rf.noise import AtmosphereParams, NoiseParams, atmosphere_loss_db, system_noise_k
 
 # The reference of every C/N0 here: tests are made at high elevation.
@@ -23,12 +23,8 @@ ZENITH_RAD = 0.5 * math.pi
 class LinkParams(Params):
     """Strength of the signal: C/N0 at the zenith at a reference range, beam on the target."""
 
-    zenith_carrier_to_noise_db_hz: float = parameter(
-        60.0, "C/N0 at the zenith", low=0.0, high=140.0
-    )
-    reference_range_m: float = parameter(
-        500e3, "range at which that C/N0 is received", low=1.0, high=1e16
-    )
+    zenith_carrier_to_noise_db_hz: float = parameter(60.0, "C/N0 at the zenith", 0.0, 140.0)
+    reference_range_m: float = parameter(500e3, "range at which that C/N0 is received", 1.0, 1e16)
 
     def level_db_hz(self, range_m: float, satellite_gain_db: float = 0.0) -> float:
         """Return the C/N0 of a beam on the target: that of the zenith over this distance.
@@ -51,9 +47,7 @@ class Link:
         self._zenith_loss_db = float(atmosphere_loss_db(atmosphere, ZENITH_RAD))
         self._zenith_noise_k = float(system_noise_k(noise, atmosphere, ZENITH_RAD))
 
-    def carrier_to_noise_db_hz(
-        self, range_m: ArrayLike, elevation_rad: ArrayLike
-    ) -> NDArray[np.float64]:
+    def carrier_to_noise_db_hz(self, range_m: ArrayLike, elevation_rad: ArrayLike) -> Array:
         """Return C/N0 in dB-Hz for the beam on the target; elevation within [0, pi], range > 0."""
         distance = np.asarray(range_m, dtype=np.float64)
         if not (distance > 0.0).all():

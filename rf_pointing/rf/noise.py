@@ -22,9 +22,9 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from rf_pointing.core import Params, parameter
+from rf_pointing.core import Array, Params, parameter
 
 MEAN_EARTH_RADIUS_M = 6_371_000.0
 
@@ -33,16 +33,16 @@ MEAN_EARTH_RADIUS_M = 6_371_000.0
 class AtmosphereParams(Params):
     """Clear atmosphere as one absorbing layer."""
 
-    zenith_loss_db: float = parameter(0.04, "loss at the zenith", low=0.0, high=20.0)
+    zenith_loss_db: float = parameter(0.04, "loss at the zenith", 0.0, 20.0)
     physical_temperature_k: float = parameter(
-        275.0, "mean temperature of the absorbing air", low=150.0, high=330.0
+        275.0, "mean temperature of the absorbing air", 150.0, 330.0
     )
     height_m: float = parameter(
-        6000.0, "height of the equivalent homogeneous layer", low=500.0, high=20000.0
+        6000.0, "height of the equivalent homogeneous layer", 500.0, 20000.0
     )
 
 
-def air_mass(elevation_rad: ArrayLike, height_m: float) -> NDArray[np.float64]:
+def air_mass(elevation_rad: ArrayLike, height_m: float) -> Array:
     """Return the path through the layer over its height; `elevation_rad` within [0, pi]."""
     elevation = np.asarray(elevation_rad, dtype=np.float64)
     if ((elevation < 0.0) | (elevation > math.pi)).any():
@@ -52,7 +52,7 @@ def air_mass(elevation_rad: ArrayLike, height_m: float) -> NDArray[np.float64]:
     return np.asarray(np.sqrt(rise**2 + 2.0 * ratio + 1.0) - rise)
 
 
-def atmosphere_loss_db(params: AtmosphereParams, elevation_rad: ArrayLike) -> NDArray[np.float64]:
+def atmosphere_loss_db(params: AtmosphereParams, elevation_rad: ArrayLike) -> Array:
     """Return the loss of the signal at this elevation."""
     return params.zenith_loss_db * air_mass(elevation_rad, params.height_m)
 
@@ -110,21 +110,16 @@ class NoiseParams(Params):
     """
 
     lna_k: float = parameter(
-        5.45,
-        "chain of amplifiers and losses behind the antenna, at its flange",
-        low=0.0,
-        high=5000.0,
+        5.45, "chain of amplifiers and losses behind the antenna, at its flange", 0.0, 5000.0
     )
-    dichroic_k: float = parameter(
-        0.0, "dichroic plate: reflection and ohmic loss", low=0.0, high=300.0
-    )
-    ground_k: float = parameter(8.0, "spillover, mirrors and feed losses", low=0.0, high=300.0)
-    cosmic_k: float = parameter(2.725, "sky behind the atmosphere", low=0.0, high=10000.0)
+    dichroic_k: float = parameter(0.0, "dichroic plate: reflection and ohmic loss", 0.0, 300.0)
+    ground_k: float = parameter(8.0, "spillover, mirrors and feed losses", 0.0, 300.0)
+    cosmic_k: float = parameter(2.725, "sky behind the atmosphere", 0.0, 10000.0)
 
 
 def system_noise_k(
     noise: NoiseParams, atmosphere: AtmosphereParams, elevation_rad: ArrayLike
-) -> NDArray[np.float64]:
+) -> Array:
     """Return the system noise temperature at this elevation."""
     # The air emits what it absorbs, at its own temperature.
     passed = 10.0 ** (-atmosphere_loss_db(atmosphere, elevation_rad) / 10.0)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from rf_pointing.core import (
     CarrierPower,
@@ -21,7 +21,7 @@ from rf_pointing.core import (
     parameter,
     require_between,
 )
-from rf_pointing.core.types import ComplexArray
+from rf_pointing.core.types import Array, ComplexArray, Pair
 from rf_pointing.rf.beam import Beam
 from rf_pointing.rf.disturbances import InterferenceParams, interference_volts
 from rf_pointing.rf.feed import MonopulseFeed
@@ -40,25 +40,21 @@ class ReceiverParams(Params):
     """Noise, gain control and carrier loop of the tracking receiver."""
 
     system_noise_k: float = parameter(
-        25.0, "system noise temperature for powers in watts", low=1.0, high=1e4
+        25.0, "system noise temperature for powers in watts", 1.0, 1e4
     )
-    noise_bandwidth_hz: float = parameter(
-        4e4, "bandwidth of the noise power measurement", low=1.0, high=1e9
-    )
+    noise_bandwidth_hz: float = parameter(4e4, "bandwidth of the noise power measurement", 1.0, 1e9)
     difference_noise_db: float = parameter(
-        0.0, "noise of the differences above the sum's", low=-10.0, high=20.0
+        0.0, "noise of the differences above the sum's", -10.0, 20.0
     )
-    agc_time_constant_s: float = parameter(
-        0.5, "time constant of the gain control", low=0.01, high=100.0
-    )
+    agc_time_constant_s: float = parameter(0.5, "time constant of the gain control", 0.01, 100.0)
     noise_time_constant_s: float = parameter(
-        10.0, "averaging time of the noise estimate", low=0.1, high=1000.0
+        10.0, "averaging time of the noise estimate", 0.1, 1000.0
     )
-    frequency_offset_hz: float = parameter(0.02, "residual carrier frequency", low=-10.0, high=10.0)
+    frequency_offset_hz: float = parameter(0.02, "residual carrier frequency", -10.0, 10.0)
     phase_noise_rad: float = parameter(
-        0.05, "random walk of the carrier phase over 1 s, rms", low=0.0, high=3.0
+        0.05, "random walk of the carrier phase over 1 s, rms", 0.0, 3.0
     )
-    floor_db_hz: float = parameter(0.0, "smallest C/N0 the receiver reports", low=-20.0, high=40.0)
+    floor_db_hz: float = parameter(0.0, "smallest C/N0 the receiver reports", -20.0, 40.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,13 +73,9 @@ class Receiver:
     """Sum and difference channels behind `feed`, carrier power behind `beam`; noise from `rng`."""
 
     def __init__(
-        self,
-        params: ReceiverParams,
-        beam: Beam | MonopulseFeed,
-        feed: MonopulseFeed,
-        rng: "np.random.Generator",
-        interference: InterferenceParams | None = None,
-    ) -> None:
+        self, params: ReceiverParams, beam: Beam | MonopulseFeed, feed: MonopulseFeed,
+        rng: "np.random.Generator", interference: InterferenceParams | None = None,
+    ) -> None:  # fmt: skip
         self.params = params
         self.beam = beam
         self.feed = feed
@@ -92,13 +84,9 @@ class Receiver:
         self.state = ReceiverState()
 
     def cluster(
-        self,
-        t_s: ArrayLike,
-        offset_cross_elevation_rad: ArrayLike,
-        offset_elevation_rad: ArrayLike,
-        carrier_to_noise_db_hz: ArrayLike,
-        sample_s: float,
-    ) -> MonopulseCluster:
+        self, t_s: ArrayLike, offset_cross_elevation_rad: ArrayLike,
+        offset_elevation_rad: ArrayLike, carrier_to_noise_db_hz: ArrayLike, sample_s: float,
+    ) -> MonopulseCluster:  # fmt: skip
         """Return the samples of one cluster.
 
         Offsets (n,) are target minus beam at the times `t_s` (n,), n >= 3; the C/N0 (scalar or
@@ -128,21 +116,14 @@ class Receiver:
         )  # fmt: skip
         total, right, up = gain * channels
         return MonopulseCluster(
-            t_s=times,
-            sum=total,
-            difference_cross_elevation=right,
-            difference_elevation=up,
+            t_s=times, sum=total, difference_cross_elevation=right, difference_elevation=up,
             carrier_to_noise_db_hz=measured_db_hz,
-        )
+        )  # fmt: skip
 
     def carrier_power(
-        self,
-        t_s: float,
-        integration_s: float,
-        offset_cross_elevation_rad: ArrayLike,
-        offset_elevation_rad: ArrayLike,
-        carrier_to_noise_db_hz: ArrayLike,
-    ) -> CarrierPower:
+        self, t_s: float, integration_s: float, offset_cross_elevation_rad: ArrayLike,
+        offset_elevation_rad: ArrayLike, carrier_to_noise_db_hz: ArrayLike,
+    ) -> CarrierPower:  # fmt: skip
         """Return the carrier power over `integration_s` ending at `t_s` (CONSCAN B-1 to B-5).
 
         The offsets (scalar or (n,)) and C/N0 are those during the integration; the carrier
@@ -162,14 +143,12 @@ class Receiver:
         noise_sigma = noise_w_hz / math.sqrt(self.params.noise_bandwidth_hz * integration_s)
         measured_noise = noise_w_hz + noise_sigma * self.rng.standard_normal()
         return CarrierPower(
-            t_s=t_s,
-            integration_s=integration_s,
-            power_w=ratio_hz * measured_noise,
+            t_s=t_s, integration_s=integration_s, power_w=ratio_hz * measured_noise,
             sigma_w=_power_sigma_w(ratio_hz, measured_noise, noise_sigma, integration_s),
             carrier_to_noise_db_hz=max(_db(ratio_hz), self.params.floor_db_hz),
-        )
+        )  # fmt: skip
 
-    def _advance_phase(self, times: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _advance_phase(self, times: Array) -> Array:
         previous = times[0] if self.state.t_s is None else self.state.t_s
         steps = times - np.concatenate(([previous], times[:-1]))
         if not (steps[0] >= 0.0 and (steps[1:] > 0.0).all()):
@@ -186,7 +165,7 @@ class Receiver:
         noise[1:] *= 10.0 ** (self.params.difference_noise_db / 20.0)
         return np.asarray(noise)
 
-    def _advance_gain(self, total: ComplexArray, sample_s: float) -> tuple[float, float]:
+    def _advance_gain(self, total: ComplexArray, sample_s: float) -> Pair:
         """Return the gain of this cluster and that of the next one."""
         power = _mean(np.abs(total) ** 2)
         wanted = 1.0 / math.sqrt(power)
@@ -252,19 +231,19 @@ def noise_variance(channels: ComplexArray, order: int) -> float:
 
 
 @lru_cache(maxsize=64)
-def _polynomials(count: int, order: int) -> NDArray[np.float64]:
+def _polynomials(count: int, order: int) -> Array:
     """Return the Legendre polynomials (count, order + 1) at even times."""
     return np.asarray(
         np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, count), order), dtype=np.float64
     )
 
 
-def _mean(values: NDArray[np.float64]) -> float:
+def _mean(values: Array) -> float:
     # np.mean looks at its arguments for longer than it adds a cluster.
     return float(np.add.reduce(values)) / len(values)
 
 
-def _amplitude(carrier_to_noise_db_hz: ArrayLike) -> NDArray[np.float64]:
+def _amplitude(carrier_to_noise_db_hz: ArrayLike) -> Array:
     level = np.asarray(carrier_to_noise_db_hz, dtype=np.float64)
     if not (level <= 200.0).all():
         raise ValueError(f"carrier_to_noise_db_hz={level} must be <= 200, -inf for no carrier")

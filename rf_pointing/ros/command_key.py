@@ -28,9 +28,8 @@ from builtin_interfaces.msg import Time
 from rf_pointing_msgs.msg import CommandSignature
 from rf_pointing_msgs.srv import SignedCall
 
-from rf_pointing.core.dates import to_utc_text
+from rf_pointing.core import KeptState, to_utc_text
 from rf_pointing.core.secret_files import secret_in
-from rf_pointing.core.whole_file import KeptState
 from rf_pointing.ros.diagnostics import ERROR, OK, WARN, Health
 from rf_pointing.ros.graph import ROTCTLD
 from rf_pointing.ros.stamps import seconds_from_stamp, stamp_from_seconds

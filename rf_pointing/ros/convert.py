@@ -12,15 +12,14 @@ from typing import Any, TypeVar, get_origin, get_type_hints
 
 import numpy as np
 from builtin_interfaces.msg import Time
-from numpy.typing import NDArray
 from rf_pointing_msgs import msg as ours
 from sensor_msgs.msg import JointState, Temperature
 from trajectory_msgs.msg import JointTrajectory as TrajectoryMessage
 from trajectory_msgs.msg import JointTrajectoryPoint
 
 from rf_pointing import core
+from rf_pointing.core import Array, axes_among
 from rf_pointing.core.constants import ZERO_CELSIUS_K
-from rf_pointing.core.mount_types import axes_among
 from rf_pointing.ros.stamps import seconds_from_stamp, stamp_from_seconds
 from rf_pointing.station.pointing.status import TrackingStatus
 
@@ -259,9 +258,7 @@ def monopulse_from_message(message: ours.Monopulse) -> core.MonopulseCluster:
     return core.MonopulseCluster(t_s=t_s, carrier_to_noise_db_hz=message.carrier_to_noise, **channels)
 
 
-def scan_centre_from_message(
-    message: ours.TrackingStatus,
-) -> tuple[float, NDArray[np.float64], NDArray[np.float64], str, str]:
+def scan_centre_from_message(message: ours.TrackingStatus) -> tuple[float, Array, Array, str, str]:
     """Return time, scan centre (2,), its offset from the prediction (2,), mode and sensor."""
     offset = np.array([message.cross_elevation_offset, message.elevation_offset])
     centre = np.array(message.scan_centre)
@@ -280,5 +277,5 @@ def _axis_order(names: list[str], axes: Sequence[str]) -> list[int]:
     return [names.index(axis) for axis in axes]
 
 
-def _stacked(rows: list[list[float]], order: list[int]) -> NDArray[np.float64]:
+def _stacked(rows: list[list[float]], order: list[int]) -> Array:
     return np.array([[row[index] for index in order] for row in rows], dtype=np.float64).reshape(len(rows), len(order))

@@ -38,15 +38,10 @@ def fit_to_result(fit: FitResult, file: ModelVersion, warnings: tuple[str, ...])
             f"cross-elevation, {rms[1] / MDEG:.2f} mdeg elevation; it runs in the shadow until it is accepted"
             + "".join(f"; doubtful: {doubt}" for doubt in warnings)
         ),
-        model=model_to_message(file),
-        observations=file.observations,
-        rejected=file.rejected,
-        passes=file.passes,
-        rms_cross_elevation=rms[0],
-        rms_elevation=rms[1],
-        condition=fit.condition,
-        advice=list(fit.separation_advice()),
-    )
+        model=model_to_message(file), observations=file.observations, rejected=file.rejected,
+        passes=file.passes, rms_cross_elevation=rms[0], rms_elevation=rms[1],
+        condition=fit.condition, advice=list(fit.separation_advice()),
+    )  # fmt: skip
 
 
 def in_force_to_message(

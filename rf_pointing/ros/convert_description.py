@@ -16,10 +16,8 @@ from sensor_msgs.msg import NavSatFix, NavSatStatus
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
-from rf_pointing.core import JointReading, Target
+from rf_pointing.core import BASE, BEAM, LEVEL, JointReading, Kinematics, Target
 from rf_pointing.core.angles import unit_vector_from_azel
-from rf_pointing.core.kinematics import LEVEL, Kinematics
-from rf_pointing.core.signals import BASE, BEAM
 from rf_pointing.ephemeris import Site
 from rf_pointing.planning import HorizonMask, PassProfile
 from rf_pointing.ros.stamps import stamp_from_seconds
@@ -78,9 +76,9 @@ def beam_markers(frame_id: str, radius_m: float, beamwidth_rad: float) -> list[M
     arrow.points = [Point(), Point(x=radius_m)]
     # A beam of some mdeg would be a point: what is drawn is at least a degree wide.
     half = max(0.5 * beamwidth_rad, math.radians(0.5))
-    rim = np.column_stack([
-        np.full_like(CIRCLE, math.cos(half)), math.sin(half) * np.cos(CIRCLE), math.sin(half) * np.sin(CIRCLE),
-    ])  # fmt: skip
+    rim = np.column_stack(
+        [np.full_like(CIRCLE, math.cos(half)), math.sin(half) * np.cos(CIRCLE), math.sin(half) * np.sin(CIRCLE)]
+    )
     circle = _line("half_power_beam", frame_id, radius_m * rim, GREEN, 0.005 * radius_m)
     arrow.frame_locked = circle.frame_locked = True
     return [arrow, circle]

@@ -3,8 +3,7 @@
 from rf_pointing_msgs import msg as ours
 from rf_pointing_msgs.action import Identify
 
-from rf_pointing.core import as_finite_array
-from rf_pointing.core.types import Array
+from rf_pointing.core import Array, as_finite_array
 from rf_pointing.identification import ExcitationParams
 from rf_pointing.ros.convert import pair
 from rf_pointing.ros.stamps import seconds_from_stamp, stamp_from_seconds

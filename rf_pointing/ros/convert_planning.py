@@ -8,8 +8,7 @@ from rf_pointing_msgs import msg as ours
 from rf_pointing_msgs.action import Scan, TrackPass
 
 from rf_pointing.core import require_finite
-from rf_pointing.ephemeris import Pass
-from rf_pointing.ephemeris.solar import SunPermit
+from rf_pointing.ephemeris import Pass, SunPermit
 from rf_pointing.operations.schedule import MOST_PASSES, Entry, ScheduledPass, require_each_once
 from rf_pointing.planning import Branch, Certificate, MachineParams, PassProfile
 from rf_pointing.ros.convert import pair
@@ -22,13 +21,9 @@ _PROFILE = {"": "position_rad", "_rate": "velocity_rad_s", "_acceleration": "acc
 
 pass_to_message, _pass_from_message = pair(Pass, ours.Pass, name="target", rises_before=None, sets_after=None)
 _scheduled_to_message, _scheduled_from_message = pair(
-    ScheduledPass,
-    ours.ScheduledPass,
-    peak_rad="peak_elevation",
-    azimuth_path_rad=None,
-    elevation_rad=None,
-    element_age_s=None,
-)
+    ScheduledPass, ours.ScheduledPass, peak_rad="peak_elevation", azimuth_path_rad=None,
+    elevation_rad=None, element_age_s=None,
+)  # fmt: skip
 _certificate_to_message, _certificate_from_message = pair(
     Certificate, ours.PassCertificate, name="target", issued_t_s=None, branches=None, machine=None, mount=None
 )
@@ -118,15 +113,11 @@ def profile_from_message(message: ours.PassProfile) -> PassProfile:
         for ending, name in _PROFILE.items()
     }
     return PassProfile(
-        name=message.target,
-        t_s=seconds_from_stamp(message.aos) + np.array(message.time),
+        name=message.target, t_s=seconds_from_stamp(message.aos) + np.array(message.time),
         sun_rad=np.column_stack([message.sun_azimuth, message.sun_elevation]),
-        range_m=np.array(message.range),
-        satellite_gain_db=np.array(message.satellite_gain),
-        along_sigma_s=message.along_sigma,
-        cross_sigma_m=message.cross_sigma,
-        **pairs,
-    )
+        range_m=np.array(message.range), satellite_gain_db=np.array(message.satellite_gain),
+        along_sigma_s=message.along_sigma, cross_sigma_m=message.cross_sigma, **pairs,
+    )  # fmt: skip
 
 
 def certificate_to_message(certificate: Certificate) -> ours.PassCertificate:

@@ -17,8 +17,7 @@ from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import MarkerArray
 
-from rf_pointing.core.modes import Sensor
-from rf_pointing.core.signals import BASE, BEAM
+from rf_pointing.core import BASE, BEAM, Sensor
 from rf_pointing.ros.qos import COMMAND, EXPERIMENT, IN_USE, LATCHED, SAMPLES, STATUS, STREAM
 from rf_pointing.tracking.sensors import SENSORS
 
@@ -87,9 +86,8 @@ WIND, TEMPERATURE, PRESSURE, HUMIDITY = (f"weather/{name}" for name in ("wind", 
 """Topics of a station's own instruments."""
 ERRORS = "pointing_error"
 _POINTING_ERROR = Topic(
-    ERRORS, ours.PointingError, STREAM, "10 Hz, of a scan once a round", allowed_lag_s=_ONE_CLUSTER_S,
-    frame=BEAM,
-)  # fmt: skip
+    ERRORS, ours.PointingError, STREAM, "10 Hz, of a scan once a round", allowed_lag_s=_ONE_CLUSTER_S, frame=BEAM
+)
 # An array on the dish has nodes of its own.
 TRACKERS = dict.fromkeys(traits.node for traits in SENSORS.values() if not traits.own_level)
 _RECEIVED = (
@@ -135,7 +133,7 @@ GRAPH = (
             Topic("tracking_status", ours.TrackingStatus, STREAM, "10 Hz", allowed_lag_s=_ONE_PERIOD_S),
         ),
     ),
-)  # fmt: skip
+)
 """The nodes in the order of their start."""
 # The clock first: its held time reaches each of the others while they start.
 

@@ -15,8 +15,7 @@ from typing import Any
 import yaml
 from ament_index_python.packages import PackageNotFoundError, get_package_prefix, get_package_share_directory
 
-from rf_pointing.core import Sensor
-from rf_pointing.core.signals import STANDBY, STANDBY_ROLE
+from rf_pointing.core import STANDBY, STANDBY_ROLE, Sensor
 from rf_pointing.ros.graph import (
     ALARMS,
     ARRAY_NODES,
@@ -272,16 +271,12 @@ def _station_processes(
     def process(room: tuple[str, ...], **more: str) -> Process:
         alone = len(room) == 1
         return Process(
-            executable=room[0] if alone else SEVERAL,
-            namespace=space,
-            nodes=room,
-            parameters=({name: given[name] | more for name in room}, *files),
-            remappings=remappings,
-            environment=environment,
-            respawn=respawn,
+            executable=room[0] if alone else SEVERAL, namespace=space, nodes=room,
+            parameters=({name: given[name] | more for name in room}, *files), remappings=remappings,
+            environment=environment, respawn=respawn,
             arguments=() if alone else room if respawn else (*room, "--no-restart"),
             ros_arguments=enclave(space, room[0]) if alone else (),
-        )
+        )  # fmt: skip
 
     second = [process((CONTROLLER,), **{STANDBY_ROLE: SECOND})] if values["standby"] in ("here", "only") else []
     if values["standby"] == "only":

@@ -39,7 +39,7 @@ class LifecycleParams(Params):
     """Who brings a node up."""
 
     autostart: bool = parameter(False, "whether the node configures and activates itself, now and after a restart")
-    realtime_priority: int = parameter(0, "SCHED_FIFO priority of the process, 0: as it was started", low=0, high=98)
+    realtime_priority: int = parameter(0, "SCHED_FIFO priority of the process, 0: as it was started", 0, 98)
     place = ""  # tells a node from another one of its name on this computer
 
 

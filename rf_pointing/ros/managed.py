@@ -68,18 +68,10 @@ class ManagedNode(Lifecycle):
         return super().every(period_s, work, catches_up=catches_up)
 
     def listen(
-        self,
-        message_type: Any,
-        topic: str,
-        callback: Callable[[Any], None],
-        qos: Any,
-        *,
-        raw: bool = False,
-        steady: bool = False,
-        required: bool = False,
-        most_bytes: Callable[[], int] | None = None,
-        refused: Callable[[str], object] = str,
-    ) -> None:
+        self, message_type: Any, topic: str, callback: Callable[[Any], None], qos: Any, *,
+        raw: bool = False, steady: bool = False, required: bool = False,
+        most_bytes: Callable[[], int] | None = None, refused: Callable[[str], object] = str,
+    ) -> None:  # fmt: skip
         """Subscribe until cleanup; lost messages, and those refused by ValueError, are counted.
 
         A message is refused when it is too long, before it is decoded, when it cannot be decoded,
@@ -217,16 +209,10 @@ class ManagedNode(Lifecycle):
         self.serve(service_type, name, answer, urgent=urgent)
 
     def serve_goals(
-        self,
-        action_type: Any,
-        name: str,
-        *,
-        accepts: Callable[[Any], bool],
-        begin: Callable[[Any], None],
-        cancel: Callable[[], object],
-        result: Callable[[], Any],
+        self, action_type: Any, name: str, *, accepts: Callable[[Any], bool],
+        begin: Callable[[Any], None], cancel: Callable[[], object], result: Callable[[], Any],
         lost: str = "",
-    ) -> ActionServer:
+    ) -> ActionServer:  # fmt: skip
         """Offer an action as long as the node lives, one goal at a time.
 
         `accepts(request)` says whether a goal is taken, and `begin(goal)` begins it.  Whoever ends

@@ -182,13 +182,10 @@ class NodeProcesses:
             urgent = not self._on_time or not set(self._on_time).isdisjoint((*room, executable))
             with self.log(room[0]).open("ab") as log:
                 process = subprocess.Popen(
-                    [str(folder / start[0]), *start[1:], *arguments],
-                    stdin=subprocess.DEVNULL,
-                    stdout=log,
-                    stderr=subprocess.STDOUT,
-                    env=NODE_ENVIRONMENT | os.environ,
+                    [str(folder / start[0]), *start[1:], *arguments], stdin=subprocess.DEVNULL,
+                    stdout=log, stderr=subprocess.STDOUT, env=NODE_ENVIRONMENT | os.environ,
                     preexec_fn=bind_to_parent if urgent else _bind_in_the_background,
-                )
+                )  # fmt: skip
             self._running |= dict.fromkeys(room, process)
             for name in room[1:]:
                 self.log(name).unlink(missing_ok=True)
@@ -318,17 +315,10 @@ class ManagedGraph(NodeProcesses):
     """
 
     def __init__(
-        self,
-        node: Node,
-        namespace: str,
-        parameter_files: Sequence[Path],
-        logs: Path,
-        spin: Callable[[float], None],
-        *,
-        patience_s: float,
-        on_time: Sequence[str] = (),
+        self, node: Node, namespace: str, parameter_files: Sequence[Path], logs: Path,
+        spin: Callable[[float], None], *, patience_s: float, on_time: Sequence[str] = (),
         processes: int = 8,
-    ) -> None:
+    ) -> None:  # fmt: skip
         super().__init__(namespace, parameter_files, logs, on_time, processes)
         self.waiting = Waiting(spin, patience_s, self.check)
         self._lifecycle = LifecycleClient(node, namespace, self.waiting)

@@ -98,9 +98,9 @@ class ParameterGroups:
         changed = {edge: value for edge, (_, value) in leaves(wanted).items() if value != present[edge][1]}
         self.configured = False
         try:
-            results = self._node.set_parameters([
-                Parameter(f"{prefix}.{edge}" if prefix else edge, value=value) for edge, value in changed.items()
-            ])  # fmt: skip
+            results = self._node.set_parameters(
+                [Parameter(f"{prefix}.{edge}" if prefix else edge, value=value) for edge, value in changed.items()]
+            )
         finally:
             self.configured = configured
         for result in results:

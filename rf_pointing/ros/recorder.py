@@ -31,14 +31,9 @@ class Recorder:
     """
 
     def __init__(
-        self,
-        node: Node,
-        namespace: str,
-        path: Path,
-        topics: Sequence[Topic] = TOPICS,
-        notes: Mapping[str, str] | None = None,
-        simulated: bool = False,
-    ) -> None:
+        self, node: Node, namespace: str, path: Path, topics: Sequence[Topic] = TOPICS,
+        notes: Mapping[str, str] | None = None, simulated: bool = False,
+    ) -> None:  # fmt: skip
         self._node, self._topics, self._closed = node, topics, False
         self._clock = f"{namespace}/clock" if simulated else ""
         self._clock_ns, self._held = 0, list[tuple[str, bytes, int]]()

@@ -84,7 +84,7 @@ class CommandPairs:
 
     def __init__(
         self, key: CommandKey, take: Callable[[bytes, str], None], refuse: Callable[[str], object], *, unsigned: bool
-    ) -> None:  # fmt: skip
+    ) -> None:
         self._key, self._take, self._refuse = key, take, refuse
         self._unsigned = unsigned or not key.signed
         self._commands = dict[str, tuple[float, bytes]]()

@@ -16,8 +16,7 @@ from typing import Any
 
 from rf_pointing_msgs.msg import AntennaStatus, CommandSignature, StationInUse, TrackingStatus
 
-from rf_pointing.core import parameter
-from rf_pointing.core.signals import STANDBY
+from rf_pointing.core import STANDBY, parameter
 from rf_pointing.ros.command_key import CommandKey
 from rf_pointing.ros.diagnostics import ERROR, WARN, Health
 from rf_pointing.ros.graph import SIGNATURES, STATION_IN_USE

@@ -29,9 +29,7 @@ from rf_pointing_msgs.msg import AntennaStatus, ExecutiveStatus, PassList, Sched
 from rf_pointing_msgs.srv import ChangeSchedule, GoTo, Jog, Named, PermitSun, SelectTarget
 from std_srvs.srv import Trigger
 
-from rf_pointing.core.dates import utc_text
-from rf_pointing.core.parameters import leaves
-from rf_pointing.core.whole_file import JOURNAL_BYTES, read_whole
+from rf_pointing.core import JOURNAL_BYTES, leaves, read_whole, utc_text
 from rf_pointing.ephemeris.target_offsets import TargetOffsets
 from rf_pointing.operations.pass_list import read_passes
 from rf_pointing.ros.command_key import CommandKey, CommandKeyParams
@@ -322,16 +320,10 @@ class StationClient(GraphRun):
         self.node.create_subscription(DiagnosticArray, "/diagnostics", note, 100)
 
     def track(
-        self,
-        satellite: str,
-        sensor: str = "auto",
-        min_peak_rad: float = 0.0,
-        near_s: float | None = None,
-        output: Path | None = None,
-        *,
-        band: str = "",
+        self, satellite: str, sensor: str = "auto", min_peak_rad: float = 0.0,
+        near_s: float | None = None, output: Path | None = None, *, band: str = "",
         record: bool = True,
-    ) -> bool:
+    ) -> bool:  # fmt: skip
         """Track the pass at or nearest to `near_s` (None: the next), with recording and report.
 
         Return whether it was tracked.

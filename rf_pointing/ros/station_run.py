@@ -167,15 +167,9 @@ class StationRun(GraphRun):
         self._setup, self._begun = setup, False
         on_time = PUNCTUAL if setup.punctual else ()
         self.graph = ManagedGraph(
-            self.node,
-            setup.namespace,
-            setup.parameter_files,
-            setup.logs,
-            self.spin,
-            patience_s=PATIENCE_S,
-            on_time=on_time,
-            processes=setup.processes,
-        )
+            self.node, setup.namespace, setup.parameter_files, setup.logs, self.spin,
+            patience_s=PATIENCE_S, on_time=on_time, processes=setup.processes,
+        )  # fmt: skip
         topics = TOPICS if setup.simulated else topics_of(setup.nodes)
         given = setup.bag, topics, setup.notes, setup.simulated
         self._recorder = Recorder(self.node, setup.namespace, *given)

@@ -17,8 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from rf_pointing.core.dates import utc_text
-from rf_pointing.core.whole_file import parse_json, read_whole, write_whole
+from rf_pointing.core import parse_json, read_whole, utc_text, write_whole
 from rf_pointing.ros.graph import APART, EXECUTIVE, MOVES
 from rf_pointing.ros.launching import Process
 from rf_pointing.ros.main_loop import RESTART_S, present_holder
@@ -72,7 +71,7 @@ class Supervisor:
 
     def __init__(
         self, processes: Sequence[Process], folder: Path, about: dict[str, Any], show: Callable[[str], None] | None
-    ) -> None:  # fmt: skip
+    ) -> None:
         folder.mkdir(parents=True, exist_ok=True)
         self._folder, self._about, self._show, self._children = folder, about, show, list[_Child]()
         space = processes[0].namespace.strip("/")

@@ -15,9 +15,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 
-from rf_pointing.core import AXES, JointReading, require_choice
-from rf_pointing.core.signals import BASE
-from rf_pointing.core.types import Pair
+from rf_pointing.core import AXES, BASE, JointReading, Pair, require_choice
 from rf_pointing.drives import Capabilities, Drive, DriveParams, DriveReading, make_drive
 from rf_pointing.drives.drive import POSITION, RATE
 from rf_pointing.ros.qos import LATCHED, SET_POINT
@@ -42,13 +40,10 @@ class TopicDrive(Drive):
         rotator = params.rotator
         first, second = (step or 1e-4 for step in rotator.resolution_rad)
         self.capabilities = Capabilities(
-            set_points=model,
-            resolution_rad=(first, second),
-            rate_rad_s=rotator.rate_rad_s,
-            period_s=params.link.poll_period_s,
-            latency_s=rotator.latency_s,
+            set_points=model, resolution_rad=(first, second), rate_rad_s=rotator.rate_rad_s,
+            period_s=params.link.poll_period_s, latency_s=rotator.latency_s,
             one_turn=rotator.reads_one_turn,
-        )
+        )  # fmt: skip
         self.losses: dict[str, int] = {"state that cannot be used": 0}
         self._lost_s, self._t_s, self._stepped_s = params.link.lost_s, 0.0, 0.0
         self._reading: DriveReading | None = None

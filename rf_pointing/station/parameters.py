@@ -36,7 +36,7 @@ class FileParams(Params):
 class ReceiverSeed(Params):
     """Seed, which differs from run to run."""
 
-    seed: int = parameter(1, "seed of every noise source", low=0, high=2**31 - 1)
+    seed: int = parameter(1, "seed of every noise source", 0, 2**31 - 1)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,9 +47,9 @@ class ViewParams(Params):
         True, "whether robot_description and the joints' transforms are published; false for robot_state_publisher"
     )
     radius_m: float = parameter(
-        0.0, "radius of the sphere on which directions are drawn; 0: three diameters of the antenna", low=0.0, high=1e5
+        0.0, "radius of the sphere on which directions are drawn; 0: three diameters of the antenna", 0.0, 1e5
     )
-    period_s: float = parameter(0.2, "time between two drawings of beam, target and Sun", low=0.2, high=10.0)
+    period_s: float = parameter(0.2, "time between two drawings of beam, target and Sun", 0.2, 10.0)
 
 
 def wider_band(

@@ -31,30 +31,30 @@ class AutotrackParams(Params):
     """C/N0 thresholds and times of the state table; hysteresis from `_on` to `_off`."""
 
     sensor: str = parameter(Sensor.AUTO, "which sensor may track (none: ephemeris only)", choices=TABLE_WORDS.keys())
-    carrier_on_db_hz: float = parameter(22.0, "C/N0 from which there is a carrier", low=0.0, high=120.0)
-    carrier_off_db_hz: float = parameter(18.0, "C/N0 below which the carrier is lost", low=0.0, high=120.0)
-    monopulse_on_db_hz: float = parameter(36.0, "C/N0 from which monopulse is chosen", low=0.0, high=120.0)
-    monopulse_off_db_hz: float = parameter(32.0, "C/N0 below which monopulse is left", low=0.0, high=120.0)
-    array_on_db_hz: float = parameter(31.0, "C/N0 of the array from which it has a carrier", low=0.0, high=120.0)
-    array_off_db_hz: float = parameter(28.0, "C/N0 of the array below which its carrier is lost", low=0.0, high=120.0)
+    carrier_on_db_hz: float = parameter(22.0, "C/N0 from which there is a carrier", 0.0, 120.0)
+    carrier_off_db_hz: float = parameter(18.0, "C/N0 below which the carrier is lost", 0.0, 120.0)
+    monopulse_on_db_hz: float = parameter(36.0, "C/N0 from which monopulse is chosen", 0.0, 120.0)
+    monopulse_off_db_hz: float = parameter(32.0, "C/N0 below which monopulse is left", 0.0, 120.0)
+    array_on_db_hz: float = parameter(31.0, "C/N0 of the array from which it has a carrier", 0.0, 120.0)
+    array_off_db_hz: float = parameter(28.0, "C/N0 of the array below which its carrier is lost", 0.0, 120.0)
     array_gain_db: float = parameter(
-        0.0, "C/N0 of the array, all elements together, less that of the dish", low=-100.0, high=40.0
+        0.0, "C/N0 of the array, all elements together, less that of the dish", -100.0, 40.0
     )
     beam_drop_db: float = parameter(
-        10.0, "C/N0 below that on the beam's axis at which the target is outside the beam", low=3.0, high=60.0
+        10.0, "C/N0 below that on the beam's axis at which the target is outside the beam", 3.0, 60.0
     )
-    confirm_s: float = parameter(0.3, "time a carrier must last before it counts", low=0.0, high=60.0)
-    patience_s: float = parameter(1.0, "time of invalid errors after which monopulse is left", low=0.0, high=60.0)
-    coast_s: float = parameter(5.0, "time on the trimmed ephemeris before a search", low=0.0, high=600.0)
-    settle_s: float = parameter(3.0, "time on program track without a carrier before a search", low=0.0, high=600.0)
+    confirm_s: float = parameter(0.3, "time a carrier must last before it counts", 0.0, 60.0)
+    patience_s: float = parameter(1.0, "time of invalid errors after which monopulse is left", 0.0, 60.0)
+    coast_s: float = parameter(5.0, "time on the trimmed ephemeris before a search", 0.0, 600.0)
+    settle_s: float = parameter(3.0, "time on program track without a carrier before a search", 0.0, 600.0)
     search_turn_s: float = parameter(
-        8.0, "time without a higher C/N0 after which a search has seen the target: one turn", low=0.1, high=600.0
+        8.0, "time without a higher C/N0 after which a search has seen the target: one turn", 0.1, 600.0
     )
-    search_s: float = parameter(60.0, "longest search", low=0.1, high=3600.0)
-    calibrate_s: float = parameter(25.0, "time of a calibration scan", low=1.0, high=3600.0)
-    hold_s: float = parameter(5.0, "time in hold-off before the sensors are trusted again", low=0.0, high=600.0)
+    search_s: float = parameter(60.0, "longest search", 0.1, 3600.0)
+    calibrate_s: float = parameter(25.0, "time of a calibration scan", 1.0, 3600.0)
+    hold_s: float = parameter(5.0, "time in hold-off before the sensors are trusted again", 0.0, 600.0)
     most_false_locks: int = parameter(
-        2, "false locks of monopulse after which auto leaves it alone until a calibration", low=1, high=1000
+        2, "false locks of monopulse after which auto leaves it alone until a calibration", 1, 1000
     )
 
     @cached_property
@@ -247,9 +247,7 @@ def transitions(sensors: Sequence[SensorTraits]) -> tuple[Transition, ...]:
     tracking = tuple(traits.name for traits in sensors)
     scanning = tuple(traits.name for traits in sensors if traits.scans)
     staring = tuple(traits.name for traits in sensors if not traits.scans)
-    on_sky = (
-        Mode.SLEW, Mode.PROGRAM_TRACK, Mode.SEARCH, *tracking, Mode.CALIBRATE, Mode.COAST, Mode.HOLD_OFF,
-    )  # fmt: skip
+    on_sky = (Mode.SLEW, Mode.PROGRAM_TRACK, Mode.SEARCH, *tracking, Mode.CALIBRATE, Mode.COAST, Mode.HOLD_OFF)
     # The order is the priority.  What ends a pass comes first, then what must not be followed, then
     # what is lost; a sensor takes over before a search begins.
     return (

@@ -12,10 +12,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from rf_pointing.core import MU
-from rf_pointing.core.types import Array
+from rf_pointing.core import MU, Array, BoolArray
 
 MAX_ITERATIONS = 25
 LOSS = -0.25 / MU  # -mu u^2 / h^2 from the columns 2 mu u / h
@@ -133,7 +131,7 @@ class LikelihoodFit(NamedTuple):
     error_rad: Array
     covariance_rad2: Array
     chi_squared: Array
-    converged: NDArray[np.bool_]
+    converged: BoolArray
 
 
 def beam_design(beam_rad: Array, half_power_beamwidth_rad: float, spin_columns: Array | None = None) -> BeamDesign:

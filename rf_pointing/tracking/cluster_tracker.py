@@ -11,9 +11,8 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from rf_pointing.core import JointReading, Mode, MonopulseCluster, PointingError
+from rf_pointing.core import Array, JointReading, Mode, MonopulseCluster, PointingError
 from rf_pointing.core.signals import BeamPosition
-from rf_pointing.core.types import Array
 from rf_pointing.core.whole_file import parse_yaml, read_whole, write_whole
 from rf_pointing.tracking.monopulse import MonopulseCalibration, MonopulseParams, MonopulseTracker
 from rf_pointing.tracking.monopulse_scan import MonopulseCalibrator, MonopulseScanParams

@@ -127,15 +127,11 @@ class ConscanTracker:
             self._leave_out(window, found.left_out)
         sums, right_up_rad = np.add.reduce(window.rows).tolist(), found.error_rad.tolist()
         return PointingError(
-            t_s=sums[0] / len(window),
-            sensor=Sensor.CONSCAN,
-            cross_elevation_rad=right_up_rad[0],
-            elevation_rad=right_up_rad[1],
-            covariance_rad2=found.covariance_rad2,
-            carrier_to_noise_db_hz=sums[5] / len(window),
-            valid=not found.reason,
+            t_s=sums[0] / len(window), sensor=Sensor.CONSCAN, cross_elevation_rad=right_up_rad[0],
+            elevation_rad=right_up_rad[1], covariance_rad2=found.covariance_rad2,
+            carrier_to_noise_db_hz=sums[5] / len(window), valid=not found.reason,
             reason=found.reason,
-        )
+        )  # fmt: skip
 
     def _leave_out(self, window: PowerWindow, row: int) -> None:
         """Reject a sample that does not follow the beam as all others do."""
@@ -150,9 +146,9 @@ class ConscanTracker:
 class DelayParams(Params):
     """Scan period and memory of the estimate."""
 
-    period_s: float = parameter(32.0, "time of one turn of the scan", low=0.1, high=3600.0)
-    memory: float = parameter(0.95, "weight of the past at each new pair", low=0.0, high=1.0)
-    largest_sigma_s: float = parameter(0.5, "uncertainty above which no delay is given", low=1e-6, high=600.0)
+    period_s: float = parameter(32.0, "time of one turn of the scan", 0.1, 3600.0)
+    memory: float = parameter(0.95, "weight of the past at each new pair", 0.0, 1.0)
+    largest_sigma_s: float = parameter(0.5, "uncertainty above which no delay is given", 1e-6, 600.0)
 
 
 class DelayEstimate(NamedTuple):

@@ -8,8 +8,7 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from rf_pointing.core import MDEG, MU, Params, parameter
-from rf_pointing.core.derived import BandNumbers, Rows, Value, rounded, tuned
+from rf_pointing.core import MDEG, MU, BandNumbers, Params, Rows, Value, parameter, rounded, tuned
 from rf_pointing.tracking.conscan_estimate import ConscanParams
 from rf_pointing.tracking.scan import SCAN_RADIUS
 
@@ -31,12 +30,9 @@ def conscan_loss(half_power_beamwidth_rad: float, offset_rad: float) -> float:
 
 
 def conscan_sigma_eq25_rad(
-    half_power_beamwidth_rad: float,
-    radius_rad: float,
-    samples: int,
-    carrier_to_noise_db_hz: float,
+    half_power_beamwidth_rad: float, radius_rad: float, samples: int, carrier_to_noise_db_hz: float,
     integration_s: float = 1.0,
-) -> float:
+) -> float:  # fmt: skip
     """Return the sigma per axis for the Block V receiver (eq. 25, there with 1 s)."""
     relative = math.sqrt(2.0 / (10.0 ** (carrier_to_noise_db_hz / 10.0) * integration_s))
     relative /= conscan_loss(half_power_beamwidth_rad, radius_rad)
@@ -58,12 +54,12 @@ class ScanDesign(NamedTuple):
 class ScanDesignParams(Params):
     """Limits of a scan: its cost and its duration."""
 
-    half_power_beamwidth_rad: float = parameter(65.0 * MDEG, "half-power beamwidth", low=1e-6, high=1.4)
-    integration_s: float = parameter(1.0, "time of one carrier power sample", low=1e-3, high=60.0)
-    preferred_loss_db: float = parameter(0.1, "loss of the scan while it suffices", low=0.001, high=3.0)
-    largest_loss_db: float = parameter(1.0, "loss of the scan at most", low=0.001, high=3.0)
-    shortest_period_s: float = parameter(4.0, "shortest turn the antenna can follow", low=0.1, high=3600.0)
-    longest_period_s: float = parameter(64.0, "longest turn", low=0.1, high=3600.0)
+    half_power_beamwidth_rad: float = parameter(65.0 * MDEG, "half-power beamwidth", 1e-6, 1.4)
+    integration_s: float = parameter(1.0, "time of one carrier power sample", 1e-3, 60.0)
+    preferred_loss_db: float = parameter(0.1, "loss of the scan while it suffices", 0.001, 3.0)
+    largest_loss_db: float = parameter(1.0, "loss of the scan at most", 0.001, 3.0)
+    shortest_period_s: float = parameter(4.0, "shortest turn the antenna can follow", 0.1, 3600.0)
+    longest_period_s: float = parameter(64.0, "longest turn", 0.1, 3600.0)
 
     ordered = ("preferred_loss_db <= largest_loss_db", "shortest_period_s <= longest_period_s")
 
@@ -86,12 +82,10 @@ def design_scan(params: ScanDesignParams, carrier_to_noise_db_hz: float, wanted_
     if samples > most:
         samples, radius = most, _radius(params, most, carrier_to_noise_db_hz, wanted_sigma_rad)
     return ScanDesign(
-        radius,
-        samples * params.integration_s,
-        samples,
+        radius, samples * params.integration_s, samples,
         _sigma(params, radius, samples, carrier_to_noise_db_hz),
         -10.0 * math.log10(conscan_loss(params.half_power_beamwidth_rad, radius)),
-    )
+    )  # fmt: skip
 
 
 def conscan_of_band(of: BandNumbers) -> Rows:

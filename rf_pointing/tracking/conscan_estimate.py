@@ -16,8 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rf_pointing.core import MDEG, MU, Params, parameter
-from rf_pointing.core.types import Array
+from rf_pointing.core import MDEG, MU, Array, Params, parameter
 from rf_pointing.tracking.beam_fit import (
     BeamDesign,
     LikelihoodFit,
@@ -49,33 +48,31 @@ LEAST_LEVEL = 0.1
 class ConscanParams(Params):
     """Beam, scan and window of the estimate."""
 
-    half_power_beamwidth_rad: float = parameter(65.0 * MDEG, "half-power beamwidth", low=1e-6, high=1.4)
-    radius_rad: float = parameter(5.93 * MDEG, "scan radius", low=1e-8, high=0.1)
-    period_s: float = parameter(32.0, "time of one turn of the scan", low=0.1, high=3600.0)
-    ramp_s: float = parameter(4.0, "time over which the radius grows from zero", low=0.0, high=600.0)
+    half_power_beamwidth_rad: float = parameter(65.0 * MDEG, "half-power beamwidth", 1e-6, 1.4)
+    radius_rad: float = parameter(5.93 * MDEG, "scan radius", 1e-8, 0.1)
+    period_s: float = parameter(32.0, "time of one turn of the scan", 0.1, 3600.0)
+    ramp_s: float = parameter(4.0, "time over which the radius grows from zero", 0.0, 600.0)
     estimator: str = parameter(
         "likelihood", "exact beam, or the paper's weighted least squares", choices=("likelihood", "linear")
     )
-    window_samples: int = parameter(32, "carrier power samples of one estimate", low=4, high=10000)
+    window_samples: int = parameter(32, "carrier power samples of one estimate", 4, 10000)
     updates: str = parameter(
         "window", "one estimate per separate window, or one per sample (sliding)", choices=("window", "sample")
     )
-    fewest_samples: int = parameter(32, "samples from which a sliding window gives estimates", low=4, high=10000)
-    sample_s: float = parameter(1.0, "time between two carrier powers", low=1e-3, high=60.0)
-    bandwidth_hz: float = parameter(
-        0.05, "bandwidth of the loop on the estimates of a sliding window", low=0.0, high=5.0
-    )
+    fewest_samples: int = parameter(32, "samples from which a sliding window gives estimates", 4, 10000)
+    sample_s: float = parameter(1.0, "time between two carrier powers", 1e-3, 60.0)
+    bandwidth_hz: float = parameter(0.05, "bandwidth of the loop on the estimates of a sliding window", 0.0, 5.0)
     drift: bool = parameter(False, "whether a steady change of the power is estimated along")
-    unmodelled_rad: float = parameter(0.0, "motion of the beam that the encoders do not see, rms", low=0.0, high=0.01)
-    max_age_s: float = parameter(120.0, "age at which samples leave the window", low=0.1, high=36000.0)
-    delay_s: float = parameter(0.0, "time from the beam's position to the power it gives", low=-60.0, high=60.0)
+    unmodelled_rad: float = parameter(0.0, "motion of the beam that the encoders do not see, rms", 0.0, 0.01)
+    max_age_s: float = parameter(120.0, "age at which samples leave the window", 0.1, 36000.0)
+    delay_s: float = parameter(0.0, "time from the beam's position to the power it gives", -60.0, 60.0)
     spin_periods_s: tuple[float, ...] = parameter(
-        (), "periods of power modulation to take out, harmonics included", low=0.01, high=36000.0
+        (), "periods of power modulation to take out, harmonics included", 0.01, 36000.0
     )
-    valid_range_beamwidths: float = parameter(1.0, "largest error that is believed", low=0.05, high=2.0)
-    lock_db_hz: float = parameter(15.0, "smallest C/N0 of a sample that is used", low=0.0, high=120.0)
+    valid_range_beamwidths: float = parameter(1.0, "largest error that is believed", 0.05, 2.0)
+    lock_db_hz: float = parameter(15.0, "smallest C/N0 of a sample that is used", 0.0, 120.0)
     misfit_limit: float = parameter(
-        6.0, "largest chi squared per degree of freedom of the power about the beam", low=1.5, high=1e6
+        6.0, "largest chi squared per degree of freedom of the power about the beam", 1.5, 1e6
     )
 
     def check_together(self) -> None:

@@ -15,8 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rf_pointing.core import MDEG, Params, PointingError, parameter
-from rf_pointing.core.types import Array, ComplexArray
+from rf_pointing.core import MDEG, Array, ComplexArray, Params, PointingError, parameter
 from rf_pointing.tracking.response import ResponseEstimate, ResponseSums
 from rf_pointing.tracking.scan import ScanParams
 
@@ -35,44 +34,38 @@ SIGN_FLIP = "sign flip: the error grows while it is corrected, in {}"
 class LockWatchParams(Params):
     """Errors of a right lock, its probe, and how sure a verdict must be."""
 
-    half_power_beamwidth_rad: float = parameter(65.0 * MDEG, "half-power beamwidth", low=1e-6, high=1.4)
-    evidence: float = parameter(
-        8.0, "logarithm of the likelihood ratio from which a lock is a false one", low=2.0, high=100.0
-    )
-    fade_s: float = parameter(30.0, "time in which evidence fades", low=0.1, high=3600.0)
+    half_power_beamwidth_rad: float = parameter(65.0 * MDEG, "half-power beamwidth", 1e-6, 1.4)
+    evidence: float = parameter(8.0, "logarithm of the likelihood ratio from which a lock is a false one", 2.0, 100.0)
+    fade_s: float = parameter(30.0, "time in which evidence fades", 0.1, 3600.0)
     gust_rad: tuple[float, ...] = parameter(
         (0.1 * MDEG, 0.2 * MDEG, 0.4 * MDEG, 0.8 * MDEG),
-        "strengths of gusts: motion of the beam in 1 s that the encoders do not see, rms per axis", low=1e-9, high=0.1,
+        "strengths of gusts: motion of the beam in 1 s that the encoders do not see, rms per axis", 1e-9, 0.1,
     )  # fmt: skip
     vibration_rad: tuple[float, ...] = parameter(
-        (0.0, 0.2 * MDEG, 0.6 * MDEG), "strengths of such motion from one cluster to the next", low=0.0, high=0.1
+        (0.0, 0.2 * MDEG, 0.6 * MDEG), "strengths of such motion from one cluster to the next", 0.0, 0.1
     )
-    weather_s: float = parameter(10.0, "time for which gusts and vibration keep their strength", low=0.1, high=3600.0)
-    drift_rad_s: float = parameter(
-        0.5 * MDEG, "velocity of the target against the prediction, rms per axis", low=1e-9, high=0.1
-    )
+    weather_s: float = parameter(10.0, "time for which gusts and vibration keep their strength", 0.1, 3600.0)
+    drift_rad_s: float = parameter(0.5 * MDEG, "velocity of the target against the prediction, rms per axis", 1e-9, 0.1)
     drift_change_rad_s: tuple[float, ...] = parameter(
         (0.05 * MDEG, 4.0 * MDEG),
         "strengths of the change of that velocity in 1 s, rms: mostly the first, the others while lags of the mount settle",
-        low=1e-9, high=0.1,
+        1e-9, 0.1,
     )  # fmt: skip
-    settling_share: float = parameter(0.01, "share of the time of each of those others", low=1e-6, high=0.5)
-    probe_rad: float = parameter(
-        0.0, "radius of the circle of the beam while monopulse tracks, 0: none", low=0.0, high=0.01
-    )
-    probe_period_s: float = parameter(1.0, "time of one turn of that circle", low=0.4, high=60.0)
-    probe_ramp_s: float = parameter(1.0, "time over which its radius grows from zero", low=0.1, high=60.0)
-    window_s: float = parameter(2.0, "time over which the steepness is measured", low=0.1, high=60.0)
+    settling_share: float = parameter(0.01, "share of the time of each of those others", 1e-6, 0.5)
+    probe_rad: float = parameter(0.0, "radius of the circle of the beam while monopulse tracks, 0: none", 0.0, 0.01)
+    probe_period_s: float = parameter(1.0, "time of one turn of that circle", 0.4, 60.0)
+    probe_ramp_s: float = parameter(1.0, "time over which its radius grows from zero", 0.1, 60.0)
+    window_s: float = parameter(2.0, "time over which the steepness is measured", 0.1, 60.0)
     unmodelled_beamwidths: float = parameter(
-        0.03, "motion of the beam that the encoders do not see, for the steepness", low=0.0, high=0.5
+        0.03, "motion of the beam that the encoders do not see, for the steepness", 0.0, 0.5
     )
-    sigmas: float = parameter(4.0, "certainty of the steepness in standard deviations", low=1.0, high=10.0)
-    steepest: float = parameter(2.0, "response above which it is a sidelobe", low=1.1, high=10.0)
+    sigmas: float = parameter(4.0, "certainty of the steepness in standard deviations", 1.0, 10.0)
+    steepest: float = parameter(2.0, "response above which it is a sidelobe", 1.1, 10.0)
     compares_level: bool = parameter(
         True, "whether the receiver's C/N0 is on the link's scale; false for a total power without its noise"
     )
-    level_clusters: int = parameter(3, "clusters in a row for which it must be", low=1, high=100)
-    level_drop_db: float = parameter(10.0, "C/N0 below the link's that is a sidelobe", low=3.0, high=30.0)
+    level_clusters: int = parameter(3, "clusters in a row for which it must be", 1, 100)
+    level_drop_db: float = parameter(10.0, "C/N0 below the link's that is a sidelobe", 3.0, 30.0)
 
     def check_together(self) -> None:
         """Refuse a watch that knows no weather, and a probe that leaves the middle of the beam."""
@@ -119,14 +112,9 @@ class InnovationBank:
         return cls(t_s=t_s, position_rad=start, velocity_rad_s=np.zeros_like(start), covariance=covariance)
 
     def step(
-        self,
-        t_s: float,
-        beam_rad: complex,
-        error_rad: complex,
-        noise_rad2: Array,
-        walk: Array,
+        self, t_s: float, beam_rad: complex, error_rad: complex, noise_rad2: Array, walk: Array,
         acceleration: Array | float,
-    ) -> tuple["InnovationBank", ComplexArray, Array]:
+    ) -> tuple["InnovationBank", ComplexArray, Array]:  # fmt: skip
         """Return the bank after a later measurement, and what was new in it.
 
         New in beam and error (2, n), cross-elevation + j elevation; variance (n,) per axis.
@@ -204,12 +192,9 @@ class LockWatch:
         self._drift = np.maximum(params.drift_rad_s, self._wander * SETTLED_S)
 
     def add(
-        self,
-        error: PointingError,
-        beam_cross_elevation_rad: float,
-        beam_elevation_rad: float,
+        self, error: PointingError, beam_cross_elevation_rad: float, beam_elevation_rad: float,
         expected_carrier_to_noise_db_hz: float | None = None,
-    ) -> str:
+    ) -> str:  # fmt: skip
         """Add an error and the beam's offset from the prediction then; return why it is false."""
         if not error.valid:
             return ""

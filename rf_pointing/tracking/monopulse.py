@@ -13,10 +13,9 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.core import MDEG, MonopulseCluster, Params, PointingError, Sensor, parameter
-from rf_pointing.core.types import Array, ComplexArray
+from rf_pointing.core.types import Array, ComplexArray, Pair
 
 CURVES = ("tanh", "straight")
 UNITY = np.eye(2)
@@ -64,8 +63,8 @@ class MonopulseCalibration(Params):
     response_imaginary: tuple[float, float, float, float] = parameter(
         description="imaginary part of M, row by row, per radian"
     )
-    offset_real: tuple[float, float] = parameter((0.0, 0.0), "real part of the ratios on the beam axis")
-    offset_imaginary: tuple[float, float] = parameter((0.0, 0.0), "imaginary part of the ratios on the beam axis")
+    offset_real: Pair = parameter((0.0, 0.0), "real part of the ratios on the beam axis")
+    offset_imaginary: Pair = parameter((0.0, 0.0), "imaginary part of the ratios on the beam axis")
 
     @classmethod
     def ideal(cls, half_power_beamwidth_rad: float, slope: float) -> Self:
@@ -74,7 +73,7 @@ class MonopulseCalibration(Params):
         return cls(response_real=(per_rad, 0.0, 0.0, per_rad), response_imaginary=(0.0,) * 4)
 
     @classmethod
-    def from_response(cls, response_per_rad: NDArray[np.complex128], offset: NDArray[np.complex128]) -> Self:
+    def from_response(cls, response_per_rad: ComplexArray, offset: ComplexArray) -> Self:
         """Build from M (2, 2) and offset (2,); the inverse is `response_per_rad` and `offset`."""
         a, b, c, d = np.asarray(response_per_rad).ravel().tolist()
         e, f = np.asarray(offset).tolist()
@@ -85,11 +84,11 @@ class MonopulseCalibration(Params):
             offset_imaginary=(e.imag, f.imag),
         )
 
-    def response_per_rad(self) -> NDArray[np.complex128]:
+    def response_per_rad(self) -> ComplexArray:
         """Return M, shape (2, 2)."""
         return (np.array(self.response_real) + 1j * np.array(self.response_imaginary)).reshape(2, 2)
 
-    def offset(self) -> NDArray[np.complex128]:
+    def offset(self) -> ComplexArray:
         """Return the ratios on the beam axis, shape (2,)."""
         return np.array(self.offset_real) + 1j * np.array(self.offset_imaginary)
 
@@ -109,17 +108,15 @@ class MonopulseCalibration(Params):
 class MonopulseParams(Params):
     """Beam, feed slope and the limits within which an error is believed."""
 
-    half_power_beamwidth_rad: float = parameter(65.0 * MDEG, "half-power beamwidth of the sum", low=1e-6, high=1.4)
-    slope: float = parameter(1.57, "h d(difference/sum)/dx of the ideal feed", low=0.1, high=2.5)
+    half_power_beamwidth_rad: float = parameter(65.0 * MDEG, "half-power beamwidth of the sum", 1e-6, 1.4)
+    slope: float = parameter(1.57, "h d(difference/sum)/dx of the ideal feed", 0.1, 2.5)
     curve: str = parameter("tanh", "difference/sum of the feed: tanh for Gaussian beams, or straight", choices=CURVES)
-    valid_range_beamwidths: float = parameter(0.75, "largest error per axis that is believed", low=0.05, high=0.9)
-    lock_db_hz: float = parameter(30.0, "smallest C/N0 at which an error is believed", low=0.0, high=120.0)
+    valid_range_beamwidths: float = parameter(0.75, "largest error per axis that is believed", 0.05, 0.9)
+    lock_db_hz: float = parameter(30.0, "smallest C/N0 at which an error is believed", 0.0, 120.0)
     quadrature_limit: float = parameter(
-        30.0, "largest quadrature residual, chi squared with 2 degrees of freedom", low=5.0, high=1e6
+        30.0, "largest quadrature residual, chi squared with 2 degrees of freedom", 5.0, 1e6
     )
-    quadrature_floor: float = parameter(
-        0.05, "quadrature ratio that imperfect phase calibration leaves", low=0.0, high=1.0
-    )
+    quadrature_floor: float = parameter(0.05, "quadrature ratio that imperfect phase calibration leaves", 0.0, 1.0)
 
     def check_together(self) -> None:
         """Refuse a range beyond which the curve of the feed is not straightened any more."""
@@ -164,15 +161,11 @@ class MonopulseTracker:
         covariance = 0.5 * (inverse @ noise @ np.conj(inverse.T)).real
         reason = self._doubt(cluster.carrier_to_noise_db_hz, error, ratio, linear, noise.diagonal().real)
         return PointingError(
-            t_s=float(np.mean(cluster.t_s)),
-            sensor=Sensor.MONOPULSE,
-            cross_elevation_rad=float(error[0]),
-            elevation_rad=float(error[1]),
-            covariance_rad2=covariance,
-            carrier_to_noise_db_hz=cluster.carrier_to_noise_db_hz,
-            valid=not reason,
-            reason=reason,
-        )
+            t_s=float(np.mean(cluster.t_s)), sensor=Sensor.MONOPULSE,
+            cross_elevation_rad=float(error[0]), elevation_rad=float(error[1]),
+            covariance_rad2=covariance, carrier_to_noise_db_hz=cluster.carrier_to_noise_db_hz,
+            valid=not reason, reason=reason,
+        )  # fmt: skip
 
     def _straighten(self, linear: Array) -> tuple[Array, Array]:
         """Return the error and d(error)/d(linear); past the curve's range it stays linear."""
@@ -210,15 +203,12 @@ class MonopulseTracker:
         low, high = LEVEL_RANGE_DB_HZ
         level_db_hz = cluster.carrier_to_noise_db_hz
         return PointingError(
-            t_s=float(known[-1]) if len(known) else 0.0,
-            sensor=Sensor.MONOPULSE,
-            cross_elevation_rad=0.0,
-            elevation_rad=0.0,
+            t_s=float(known[-1]) if len(known) else 0.0, sensor=Sensor.MONOPULSE,
+            cross_elevation_rad=0.0, elevation_rad=0.0,
             covariance_rad2=np.eye(2) * self.params.half_power_beamwidth_rad**2,
-            carrier_to_noise_db_hz=level_db_hz if low <= level_db_hz <= high else 0.0,
-            valid=False,
+            carrier_to_noise_db_hz=level_db_hz if low <= level_db_hz <= high else 0.0, valid=False,
             reason=reason,
-        )
+        )  # fmt: skip
 
 
 def sample_period_s(t_s: Array) -> float:

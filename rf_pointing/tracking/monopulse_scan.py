@@ -10,8 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rf_pointing.core import MDEG, MonopulseCluster, Params, parameter
-from rf_pointing.core.types import Array, ComplexArray
+from rf_pointing.core import MDEG, Array, ComplexArray, MonopulseCluster, Params, parameter
 from rf_pointing.tracking.beam_fit import beam_design, fit_beam, is_singular, least_spread_rad, rank_reason
 from rf_pointing.tracking.monopulse import (
     CURVES,
@@ -29,14 +28,14 @@ SMALLEST_SPREAD = 0.2  # rms motion of the beam along the weaker axis, in scan r
 class MonopulseScanParams(Params):
     """The circle of the calibration and what makes its result good enough."""
 
-    half_power_beamwidth_rad: float = parameter(65.0 * MDEG, "half-power beamwidth", low=1e-6, high=1.4)
-    slope: float = parameter(1.57, "h d(difference/sum)/dx of the ideal feed", low=0.1, high=2.5)
+    half_power_beamwidth_rad: float = parameter(65.0 * MDEG, "half-power beamwidth", 1e-6, 1.4)
+    slope: float = parameter(1.57, "h d(difference/sum)/dx of the ideal feed", 0.1, 2.5)
     curve: str = parameter("tanh", "difference/sum of the feed: tanh for Gaussian beams, or straight", choices=CURVES)
-    radius_beamwidths: float = parameter(0.25, "radius of the circle", low=0.02, high=0.5)
-    period_s: float = parameter(20.0, "time of one turn", low=1.0, high=600.0)
-    ramp_s: float = parameter(3.0, "time over which the radius grows from zero", low=0.0, high=60.0)
-    lock_db_hz: float = parameter(35.0, "smallest C/N0 of a cluster that is used", low=0.0, high=120.0)
-    misfit_limit: float = parameter(4.0, "largest chi squared per degree of freedom", low=1.2, high=1e6)
+    radius_beamwidths: float = parameter(0.25, "radius of the circle", 0.02, 0.5)
+    period_s: float = parameter(20.0, "time of one turn", 1.0, 600.0)
+    ramp_s: float = parameter(3.0, "time over which the radius grows from zero", 0.0, 60.0)
+    lock_db_hz: float = parameter(35.0, "smallest C/N0 of a cluster that is used", 0.0, 120.0)
+    misfit_limit: float = parameter(4.0, "largest chi squared per degree of freedom", 1.2, 1e6)
 
     @property
     def scan(self) -> ScanParams:

@@ -248,11 +248,7 @@ class PowerTracker:
 
 def _not_usable(power: CarrierPower, sensor: str, reason: str) -> PointingError:
     return PointingError(
-        t_s=power.t_s - 0.5 * power.integration_s,
-        sensor=sensor,
-        cross_elevation_rad=0.0,
-        elevation_rad=0.0,
-        carrier_to_noise_db_hz=power.carrier_to_noise_db_hz,
-        valid=False,
+        t_s=power.t_s - 0.5 * power.integration_s, sensor=sensor, cross_elevation_rad=0.0,
+        elevation_rad=0.0, carrier_to_noise_db_hz=power.carrier_to_noise_db_hz, valid=False,
         reason=reason,
-    )
+    )  # fmt: skip

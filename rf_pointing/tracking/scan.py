@@ -68,9 +68,9 @@ def growth(t_s: float, ramp_s: float) -> tuple[float, float]:
 class ScanParams(Params):
     """Radius and period of the conical scan."""
 
-    radius_rad: float = parameter(5.93 * MDEG, "scan radius; 0.0912 beamwidths cost 0.1 dB", low=1e-8, high=0.4)
-    period_s: float = parameter(32.0, "time of one turn", low=0.1, high=3600.0)
-    ramp_s: float = parameter(4.0, "time over which the radius grows from zero", low=0.0, high=600.0)
+    radius_rad: float = parameter(5.93 * MDEG, "scan radius; 0.0912 beamwidths cost 0.1 dB", 1e-8, 0.4)
+    period_s: float = parameter(32.0, "time of one turn", 0.1, 3600.0)
+    ramp_s: float = parameter(4.0, "time over which the radius grows from zero", 0.0, 600.0)
 
     def pattern(self) -> Pattern:
         """Return the circle, from its start."""
@@ -86,11 +86,9 @@ class ScanParams(Params):
         rate = 2.0 * math.pi / self.period_s
         cosine, sine = math.cos(rate * t_since_start_s), math.sin(rate * t_since_start_s)
         return Offset(
-            radius * cosine,
-            radius * sine,
-            radius_rate * cosine - radius * rate * sine,
+            radius * cosine, radius * sine, radius_rate * cosine - radius * rate * sine,
             radius_rate * sine + radius * rate * cosine,
-        )
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -18,8 +18,7 @@ from itertools import accumulate
 
 import numpy as np
 
-from rf_pointing.core import Params, parameter
-from rf_pointing.core.types import Array, Pair
+from rf_pointing.core import Array, Pair, Params, parameter
 from rf_pointing.tracking.scan import Offset, growth
 from rf_pointing.tracking.search import Legs
 
@@ -41,15 +40,15 @@ class ScanProgramParams(Params):
 
     pattern: str = parameter("cross", "way of the beam", choices=PATTERNS)
     frame: str = parameter(ACROSS, "axes: on the sky, of the mount, or celestial", choices=FRAMES)
-    half_width_rad: float = parameter(math.radians(1.0), "to the edge", low=1e-6, high=0.35)
-    rate_rad_s: float = parameter(math.radians(0.2), "speed while it measures", low=1e-7, high=0.2)
-    move_rate_rad_s: float = parameter(math.radians(1.0), "between two parts", low=1e-6, high=0.2)
-    acceleration_rad_s2: float = parameter(math.radians(0.5), "largest of all", low=1e-7, high=1.0)
-    dwell_s: float = parameter(5.0, "time at each of the points", low=0.1, high=3600.0)
-    lines: int = parameter(9, "lines of a raster", low=3, high=101)
-    repetitions: int = parameter(2, "times that the pattern is run", low=1, high=1000)
-    baseline_rad: float = parameter(0.0, "off the source, first axis (0: not)", low=0.0, high=0.6)
-    baseline_s: float = parameter(5.0, "time off the source", low=0.1, high=3600.0)
+    half_width_rad: float = parameter(math.radians(1.0), "to the edge", 1e-6, 0.35)
+    rate_rad_s: float = parameter(math.radians(0.2), "speed while it measures", 1e-7, 0.2)
+    move_rate_rad_s: float = parameter(math.radians(1.0), "between two parts", 1e-6, 0.2)
+    acceleration_rad_s2: float = parameter(math.radians(0.5), "largest of all", 1e-7, 1.0)
+    dwell_s: float = parameter(5.0, "time at each of the points", 0.1, 3600.0)
+    lines: int = parameter(9, "lines of a raster", 3, 101)
+    repetitions: int = parameter(2, "times that the pattern is run", 1, 1000)
+    baseline_rad: float = parameter(0.0, "off the source, first axis (0: not)", 0.0, 0.6)
+    baseline_s: float = parameter(5.0, "time off the source", 0.1, 3600.0)
 
     def check_together(self) -> None:
         """Refuse a baseline on the source, and a drift that is not along the celestial axis."""
@@ -87,7 +86,7 @@ class ScanProgram:
         return self._parts[part].at(t_s - self._starts[part])
 
     @cached_property
-    def demand(self) -> tuple[float, float]:
+    def demand(self) -> Pair:
         """Largest rate and acceleration along an axis, in rad/s and rad/s^2."""
         rates = np.array([self.offset(t)[2:] for t in np.arange(0.0, self.duration_s, 0.05)])
         return float(np.abs(rates).max()), float(np.abs(np.diff(rates, axis=0)).max() / 0.05)
@@ -185,6 +184,4 @@ class _Curve:
             x, x_rate = petal * cosine, bend * cosine - petal * sine
             y, y_rate = petal * sine, bend * sine + petal * cosine
         r, w = self._radius, share * w
-        return Offset(
-            r * share * x, r * share * y, r * (change * x + w * x_rate), r * (change * y + w * y_rate)
-        )  # fmt: skip
+        return Offset(r * share * x, r * share * y, r * (change * x + w * x_rate), r * (change * y + w * y_rate))

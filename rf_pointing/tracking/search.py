@@ -17,9 +17,7 @@ from itertools import accumulate, pairwise
 
 import numpy as np
 
-from rf_pointing.core import MDEG, Params, parameter
-from rf_pointing.core.derived import BandNumbers, Rows, rounded, tuned
-from rf_pointing.core.types import Array, Pair
+from rf_pointing.core import MDEG, Array, BandNumbers, Pair, Params, Rows, parameter, rounded, tuned
 from rf_pointing.tracking.scan import Offset
 
 # Newton's method for the angle of a length begins no more than 1/250 of a turn away: its error,
@@ -32,12 +30,12 @@ NEWTON_STEPS = 4
 class SpiralParams(Params):
     """Size and speed of the search."""
 
-    half_power_beamwidth_rad: float = parameter(65.0 * MDEG, "half-power beamwidth", low=1e-6, high=1.4)
-    uncertainty_rad: float = parameter(65.0 * MDEG, "standard deviation of the target's direction", low=1e-7, high=0.2)
-    sigmas: float = parameter(3.0, "radius of the search in standard deviations", low=0.5, high=10.0)
-    pitch_beamwidths: float = parameter(0.6, "distance between turns in beamwidths", low=0.05, high=1.0)
-    rate_rad_s: float = parameter(150.0 * MDEG, "largest speed along the spiral", low=1e-7, high=0.2)
-    acceleration_rad_s2: float = parameter(350.0 * MDEG, "largest acceleration", low=1e-7, high=1.0)
+    half_power_beamwidth_rad: float = parameter(65.0 * MDEG, "half-power beamwidth", 1e-6, 1.4)
+    uncertainty_rad: float = parameter(65.0 * MDEG, "standard deviation of the target's direction", 1e-7, 0.2)
+    sigmas: float = parameter(3.0, "radius of the search in standard deviations", 0.5, 10.0)
+    pitch_beamwidths: float = parameter(0.6, "distance between turns in beamwidths", 0.05, 1.0)
+    rate_rad_s: float = parameter(150.0 * MDEG, "largest speed along the spiral", 1e-7, 0.2)
+    acceleration_rad_s2: float = parameter(350.0 * MDEG, "largest acceleration", 1e-7, 1.0)
 
     def check_together(self) -> None:
         """Refuse a search that would take more turns than a pass has time for."""
@@ -109,11 +107,9 @@ class SpiralSearch:
         tangent = math.hypot(1.0, phi)
         cosine, sine = math.cos(phi), math.sin(phi)
         return (
-            self._b * phi * cosine,
-            self._b * phi * sine,
-            speed * (cosine - phi * sine) / tangent,
+            self._b * phi * cosine, self._b * phi * sine, speed * (cosine - phi * sine) / tangent,
             speed * (sine + phi * cosine) / tangent,
-        )
+        )  # fmt: skip
 
     def _phi_at(self, length: float, start: float) -> float:
         phi = start
@@ -138,12 +134,9 @@ class Legs:
     """
 
     def __init__(
-        self,
-        corners: Sequence[Pair],
-        rates_rad_s: Sequence[float],
-        acceleration_rad_s2: float,
+        self, corners: Sequence[Pair], rates_rad_s: Sequence[float], acceleration_rad_s2: float,
         rests_s: Sequence[float] | None = None,
-    ) -> None:
+    ) -> None:  # fmt: skip
         self._rates, self._acceleration = rates_rad_s, acceleration_rad_s2
         self._legs = list(pairwise(corners))
         ways = [self._leg_time_s(leg) for leg in range(len(self._legs))]
@@ -175,7 +168,7 @@ class Legs:
         peak = self._peak_rad_s(leg, length)
         return length / peak + peak / self._acceleration
 
-    def _way(self, t: float, leg: int, length: float) -> tuple[float, float]:
+    def _way(self, t: float, leg: int, length: float) -> Pair:
         """Return distance and speed on a leg after `t`: a trapezoid of speed, then rest."""
         peak = self._peak_rad_s(leg, length)
         ramp_s, total_s = peak / self._acceleration, self._leg_time_s(leg)
@@ -191,13 +184,9 @@ class StripSearch:
     """Covers +-`half_length_rad` along the track and +-`half_width_rad` across it in strips."""
 
     def __init__(
-        self,
-        half_length_rad: float,
-        half_width_rad: float,
-        pitch_rad: float,
-        rate_rad_s: float,
+        self, half_length_rad: float, half_width_rad: float, pitch_rad: float, rate_rad_s: float,
         acceleration_rad_s2: float,
-    ) -> None:
+    ) -> None:  # fmt: skip
         corners = _corners(half_length_rad, math.ceil(max(half_width_rad / pitch_rad - 0.5, 0.0)), pitch_rad)
         self._legs = Legs(corners, [rate_rad_s] * (len(corners) - 1), acceleration_rad_s2)
 
@@ -211,7 +200,7 @@ class StripSearch:
         return self._legs.at(max(t_since_start_s, 0.0) % self.duration_s)
 
 
-def _corners(half_length: float, strips: int, pitch: float) -> list[tuple[float, float]]:
+def _corners(half_length: float, strips: int, pitch: float) -> list[Pair]:
     """Return the ends of the legs, the first strip through the middle."""
     corners, end = [(0.0, 0.0), (half_length, 0.0), (-half_length, 0.0)], -half_length
     for index in range(1, strips + 1):

@@ -29,16 +29,14 @@ POINTS = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))
 class StepTrackParams(Params):
     """Steps and dwell times."""
 
-    half_power_beamwidth_rad: float = parameter(65.0 * MDEG, "half-power beamwidth", low=1e-6, high=1.4)
-    step_beamwidths: float = parameter(0.2, "distance of the points from the centre", low=0.02, high=0.5)
-    dwell_s: float = parameter(3.0, "time at rest on one point", low=0.1, high=600.0)
-    move_s: float = parameter(1.5, "time from point to point", low=0.05, high=60.0)
-    samples_per_point: int = parameter(2, "power samples needed on every point", low=2, high=1000)
-    tolerance: float = parameter(
-        0.2, "distance from the point, in steps, within which a sample counts", low=0.01, high=0.6
-    )
-    lock_db_hz: float = parameter(10.0, "smallest C/N0 of a sample that is used", low=0.0, high=120.0)
-    valid_range_beamwidths: float = parameter(0.7, "largest error that is believed", low=0.05, high=2.0)
+    half_power_beamwidth_rad: float = parameter(65.0 * MDEG, "half-power beamwidth", 1e-6, 1.4)
+    step_beamwidths: float = parameter(0.2, "distance of the points from the centre", 0.02, 0.5)
+    dwell_s: float = parameter(3.0, "time at rest on one point", 0.1, 600.0)
+    move_s: float = parameter(1.5, "time from point to point", 0.05, 60.0)
+    samples_per_point: int = parameter(2, "power samples needed on every point", 2, 1000)
+    tolerance: float = parameter(0.2, "distance from the point, in steps, within which a sample counts", 0.01, 0.6)
+    lock_db_hz: float = parameter(10.0, "smallest C/N0 of a sample that is used", 0.0, 120.0)
+    valid_range_beamwidths: float = parameter(0.7, "largest error that is believed", 0.05, 2.0)
 
     @property
     def age_s(self) -> float:
@@ -171,15 +169,12 @@ class StepTracker:
             if beamwidths > limit:
                 reason = f"error of {beamwidths:.2f} beamwidths is outside {limit:.2f} beamwidths"
         return PointingError(
-            t_s=float(np.mean(window.t_s)),
-            sensor=Sensor.STEPTRACK,
-            cross_elevation_rad=float(error[0]),
-            elevation_rad=float(error[1]),
+            t_s=float(np.mean(window.t_s)), sensor=Sensor.STEPTRACK,
+            cross_elevation_rad=float(error[0]), elevation_rad=float(error[1]),
             covariance_rad2=np.asarray(covariance),
-            carrier_to_noise_db_hz=float(np.mean(window.carrier_to_noise_db_hz)),
-            valid=not reason,
+            carrier_to_noise_db_hz=float(np.mean(window.carrier_to_noise_db_hz)), valid=not reason,
             reason=reason,
-        )
+        )  # fmt: skip
 
 
 def _middle_s(power: CarrierPower) -> float:

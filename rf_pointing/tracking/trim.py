@@ -13,10 +13,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rf_pointing.core import MDEG, Params, SkyUncertainty, as_finite_array, parameter
+from rf_pointing.core import MDEG, Array, Params, SkyUncertainty, as_finite_array, parameter
 from rf_pointing.core.constants import EARTH_RADIUS_M
 from rf_pointing.core.kinematics import LEVEL, Kinematics
-from rf_pointing.core.types import Array
 
 # A prior that is no more than so many times too small is kept; elements of two days have that. With
 # 1.5 the 34-m antenna searched so widely on elements of a day that it held 75 of 113 s.
@@ -49,17 +48,17 @@ class Trim(NamedTuple):
 class TrimParams(Params):
     """Ephemeris error assumed before a measurement, and how fast it changes."""
 
-    along_track_s: float = parameter(0.15, "standard deviation of the time along the track", low=0.0, high=60.0)
-    cross_track_m: float = parameter(300.0, "standard deviation across the track", low=0.0, high=1e6)
-    bias_rad: float = parameter(5.0 * MDEG, "standard deviation of the mount's bias per axis", low=0.0, high=0.1)
-    along_track_walk_s: float = parameter(1e-3, "change of the time in 1 s, rms", low=0.0, high=10.0)
-    cross_track_walk_m: float = parameter(1.0, "change across the track in 1 s, rms", low=0.0, high=1e5)
-    bias_walk_rad: float = parameter(0.02 * MDEG, "change of the bias in 1 s, rms", low=0.0, high=0.01)
-    jitter_rad: float = parameter(0.5 * MDEG, "fast motion of the beam that is not the ephemeris", low=0.0, high=0.1)
-    correlation_s: float = parameter(1.0, "time over which that motion is the same", low=0.0, high=60.0)
-    gate_sigmas: float = parameter(6.0, "innovation beyond which a measurement is refused", low=2.0, high=100.0)
+    along_track_s: float = parameter(0.15, "standard deviation of the time along the track", 0.0, 60.0)
+    cross_track_m: float = parameter(300.0, "standard deviation across the track", 0.0, 1e6)
+    bias_rad: float = parameter(5.0 * MDEG, "standard deviation of the mount's bias per axis", 0.0, 0.1)
+    along_track_walk_s: float = parameter(1e-3, "change of the time in 1 s, rms", 0.0, 10.0)
+    cross_track_walk_m: float = parameter(1.0, "change across the track in 1 s, rms", 0.0, 1e5)
+    bias_walk_rad: float = parameter(0.02 * MDEG, "change of the bias in 1 s, rms", 0.0, 0.01)
+    jitter_rad: float = parameter(0.5 * MDEG, "fast motion of the beam that is not the ephemeris", 0.0, 0.1)
+    correlation_s: float = parameter(1.0, "time over which that motion is the same", 0.0, 60.0)
+    gate_sigmas: float = parameter(6.0, "innovation beyond which a measurement is refused", 2.0, 100.0)
     gate_patience: int = parameter(
-        3, "rejections in a row after which the filter is doubted, not the measurements", low=1, high=1000
+        3, "rejections in a row after which the filter is doubted, not the measurements", 1, 1000
     )
 
 

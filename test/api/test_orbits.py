@@ -11,12 +11,10 @@ import pytest
 import rf_pointing as rp
 from rf_pointing.calibration import RawTracking, write_tdm
 from rf_pointing.commands.orbit_from_passes import main
-from rf_pointing.core import MDEG, angular_distance_rad, random_stream
-from rf_pointing.core.dates import DAY_S
-from rf_pointing.ephemeris import OemTarget, TopocentricTrack
+from rf_pointing.core import DAY_S, MDEG, angular_distance_rad, random_stream
+from rf_pointing.ephemeris import OemTarget, TopocentricTrack, leap_seconds
 from rf_pointing.ephemeris.oem import OemSegment
 from rf_pointing.ephemeris.orbit_file import read_orbits
-from rf_pointing.ephemeris.time_scales import leap_seconds
 from rf_pointing.ephemeris.tle import tle_lines, verification_elements
 from rf_pointing.ephemeris.uncertainty import ElementUncertainty
 from rf_pointing.orbit.determination import Dynamics

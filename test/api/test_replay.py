@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 
 import rf_pointing as rp
 from rf_pointing.commands import replay as command
-from rf_pointing.core import AXES, MDEG, random_stream, sky_offset_rad
-from rf_pointing.core.types import Array
+from rf_pointing.core import AXES, MDEG, Array, random_stream, sky_offset_rad
 from rf_pointing.ephemeris import Pass
 from rf_pointing.ephemeris.look_angles import LookAngles
 from rf_pointing.servo import RecordedWind, Wind, WindParams, wind_torque_n_m

@@ -98,13 +98,10 @@ def docking(order: str, start_m: float, radio: RadioParams, lost: int = -1, **op
         state, output = tracker.step(state, made)
         found.append(
             flat(
-                made.phase_rad.ravel()[::17],
-                made.phase_rate_rad_s.ravel()[::23],
-                made.amplitudes,
-                len(output.status),
-                summed(output.reason),
+                made.phase_rad.ravel()[::17], made.phase_rate_rad_s.ravel()[::23], made.amplitudes,
+                len(output.status), summed(output.reason),
             )
-        )
+        )  # fmt: skip
         if output.estimate is not None:
             pose, spread = rep103_pose(output.estimate), output.estimate.covariance
             sizes = np.sqrt(np.diag(spread))

@@ -10,21 +10,13 @@ from rf_pointing.calibration import BiasModel, Ionosphere, Observations, RawTrac
 from rf_pointing.core import random_stream
 
 TABLE_1_DEG = {
-    "azimuth_offset": 0.178,
-    "non_orthogonality": 0.062,
-    "collimation": -0.010,
-    "azimuth_encoder_sine": -0.194,
-    "azimuth_encoder_cosine": -0.048,
-    "azimuth_velocity_lag": -1.022,
-    "azimuth_acceleration_lag": 0.0,
-    "mislevel_east": 0.039,
-    "mislevel_north": -0.007,
-    "elevation_offset": -0.202,
-    "droop": -0.089,
-    "elevation_encoder_sine": -0.009,
-    "elevation_velocity_lag": -1.907,
+    "azimuth_offset": 0.178, "non_orthogonality": 0.062, "collimation": -0.010,
+    "azimuth_encoder_sine": -0.194, "azimuth_encoder_cosine": -0.048,
+    "azimuth_velocity_lag": -1.022, "azimuth_acceleration_lag": 0.0, "mislevel_east": 0.039,
+    "mislevel_north": -0.007, "elevation_offset": -0.202, "droop": -0.089,
+    "elevation_encoder_sine": -0.009, "elevation_velocity_lag": -1.907,
     "elevation_acceleration_lag": 0.0,
-}
+}  # fmt: skip
 HEIGHT_M, SPEED_M_S = 800e3, 7000.0
 
 
@@ -48,14 +40,11 @@ def fly_by(miss_m: float, heading_rad: float, t_s: np.ndarray) -> dict[str, np.n
     elevation_acceleration = -up * ground_acceleration / distance2 + 2.0 * up * ground * ground_rate**2 / distance2**2
     return {
         "true_azimuth_rad": np.unwrap(np.arctan2(east, north)),
-        "true_elevation_rad": np.arctan2(up, ground),
-        "azimuth_rate_rad_s": azimuth_rate,
-        "elevation_rate_rad_s": elevation_rate,
-        "azimuth_acceleration_rad_s2": azimuth_acceleration,
-        "elevation_acceleration_rad_s2": elevation_acceleration,
-        "range_m": np.sqrt(distance2),
+        "true_elevation_rad": np.arctan2(up, ground), "azimuth_rate_rad_s": azimuth_rate,
+        "elevation_rate_rad_s": elevation_rate, "azimuth_acceleration_rad_s2": azimuth_acceleration,
+        "elevation_acceleration_rad_s2": elevation_acceleration, "range_m": np.sqrt(distance2),
         "range_rate_m_s": closing / np.sqrt(distance2),
-    }
+    }  # fmt: skip
 
 
 def write_tracking(path: Path, raw: RawTracking) -> None:
@@ -89,16 +78,13 @@ def one_pass(
         azimuth, elevation = model.apply(*motion)
     count = len(azimuth)
     return Observations(
-        station="gs1",
-        band="S",
-        t_s=1e9 + 6000.0 * number + t_s[seen],
+        station="gs1", band="S", t_s=1e9 + 6000.0 * number + t_s[seen],
         pass_id=np.full(count, number),
         observed_azimuth_rad=azimuth + sigma_rad * random.standard_normal(count),
         observed_elevation_rad=elevation + sigma_rad * random.standard_normal(count),
         sigma_azimuth_rad=np.full(count, max(sigma_rad, 1e-6)),
-        sigma_elevation_rad=np.full(count, max(sigma_rad, 1e-6)),
-        **truth,
-    )
+        sigma_elevation_rad=np.full(count, max(sigma_rad, 1e-6)), **truth,
+    )  # fmt: skip
 
 
 @pytest.fixture
@@ -166,15 +152,12 @@ def raw_pass(random: np.random.Generator) -> Callable[..., RawTracking]:
             elevation = elevation + ionosphere.bending(seen.elevation_rad, seen.range_m)
             distance = distance + ionosphere.delay_m(seen.elevation_rad)
         return RawTracking(
-            station="gs1",
-            band="S",
-            target="bird",
-            t_s=t_s,
+            station="gs1", band="S", target="bird", t_s=t_s,
             azimuth_rad=seen.azimuth_rad + shift[0] + noise_rad * random.standard_normal(count),
             elevation_rad=elevation + noise_rad * random.standard_normal(count),
             range_m=distance + 10.0 * random.standard_normal(count),
             range_rate_m_s=seen.range_rate_m_s + 0.1 * random.standard_normal(count),
             good=np.ones(count, dtype=bool),
-        )
+        )  # fmt: skip
 
     return make

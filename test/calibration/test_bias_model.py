@@ -216,11 +216,9 @@ def test_a_lean_turns_the_axes_rigidly_about_the_horizontal_by_its_size():
 
 def test_degrees_become_radians_and_seconds_stay(table_1):
     given = {
-        **dict.fromkeys(TERM_NAMES, 0.0),
-        "droop": -0.3,
-        "azimuth_velocity_lag": 0.7,
+        **dict.fromkeys(TERM_NAMES, 0.0), "droop": -0.3, "azimuth_velocity_lag": 0.7,
         "elevation_acceleration_lag": 0.4,
-    }
+    }  # fmt: skip
     model = BiasModel.from_degrees({**given, "azimuth_temperature": 0.001})
     assert model.coefficients["droop"] == pytest.approx(-0.3 * np.pi / 180.0)
     assert model.coefficients["azimuth_temperature"] == pytest.approx(0.001 * np.pi / 180.0)

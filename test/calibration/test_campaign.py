@@ -31,15 +31,13 @@ def offered(track, random, count, every_s, start_s=0.0):
         CandidatePass(
             name=f"pass {number}",
             track=track(
-                10.0,
-                random.choice([-1, 1]) * random.uniform(2e5, 2e6),
-                random.uniform(0, 6.3),
+                10.0, random.choice([-1, 1]) * random.uniform(2e5, 2e6), random.uniform(0, 6.3),
                 start_s + every_s * number,
             ),
             sigma_rad=1e-4,
         )
         for number in range(count)
-    ]
+    ]  # fmt: skip
 
 
 @pytest.fixture

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lsim
 
-from rf_pointing.calibration import BiasModel, LagHistory, without_lags
-from rf_pointing.calibration.lag_history import LagState
+from rf_pointing.calibration import BiasModel, LagHistory, LagState, without_lags
 
 AVERAGING_S = 5.0
 VELOCITY_S = np.array([-1.0, -1.9])

@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 
 from rf_pointing.calibration import BiasModel
 from rf_pointing.calibration.terms import FURTHER_TERMS, MOUNT_TERMS, names_of
-from rf_pointing.core import unit_vector_from_azel
-from rf_pointing.core.kinematics import LEVEL, Kinematics
+from rf_pointing.core import LEVEL, Kinematics, unit_vector_from_azel
 
 MOUNTS = (
     Kinematics(type="x_y", lower_axis="east_west"),

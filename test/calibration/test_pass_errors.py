@@ -199,13 +199,10 @@ def test_an_error_and_its_drift_share_one_size_and_those_along_the_track_do_not(
     orbit = PassPriors.of_orbit(300.0)
     assert dict(zip(orbit.names, orbit.sigma.tolist(), strict=True)) == pytest.approx(
         {
-            "along_track_m": 300.0,
-            "cross_track_m": 300.0,
-            "radial_m": 300.0,
-            "cross_track_drift_m_s": 0.3,
-            "radial_drift_m_s": 0.3,
+            "along_track_m": 300.0, "cross_track_m": 300.0, "radial_m": 300.0,
+            "cross_track_drift_m_s": 0.3, "radial_drift_m_s": 0.3,
         }
-    )
+    )  # fmt: skip
     assert PassPriors.of_orbit(0.0) is None
 
 

@@ -72,12 +72,8 @@ def test_every_stage_reports_what_it_dropped_and_why(track, raw_pass, table_1):
     assert validation.before - validation.after == sum(validation.dropped.values()) == 14
     assert outliers.dropped["azimuth_rad beyond 3 sigma"] >= 3
     assert [report.stage for report in processed.reports] == [
-        "validation",
-        "outliers",
-        "thinning",
-        "smoothing",
-        "corrections",
-    ]
+        "validation", "outliers", "thinning", "smoothing", "corrections",
+    ]  # fmt: skip
     assert "time jump" in validation.text()
     assert max(np.max(np.abs(pull)) for pull in pulls(processed, table_1)) < 5.0
 

@@ -173,11 +173,9 @@ def test_a_clock_that_a_lag_of_one_axis_cancels_is_not_named(values):
     # The same acceleration lags next to lags of both axes are those of a clock, or of the mount.
     tau = -values[0] + np.sqrt(values[0] ** 2 - 2.0 * values[2])
     other = SimpleNamespace(
-        model=BiasModel.zero(),
-        names=names,
-        values=np.array([*values[:3], values[2] - 0.2 * tau]),
+        model=BiasModel.zero(), names=names, values=np.array([*values[:3], values[2] - 0.2 * tau]),
         covariance=covariance,
-    )
+    )  # fmt: skip
     other.values[1] = values[0] + 0.2
     assert systematic_errors.common_clock(other, {}).refuse
 

@@ -4,8 +4,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rf_pointing.calibration import read_tdm
-from rf_pointing.calibration.tdm import write_tdm
+from rf_pointing.calibration import read_tdm, write_tdm
 
 ROUNDING_RAD = 1e-11
 

@@ -35,13 +35,10 @@ def by_pieces(t_s, passes, values, length_s, fewest):
             left = values[own] - np.outer(times, line[0]) - line[1]
             rows.append(
                 (
-                    np.mean(t_s[own]),
-                    number,
-                    *np.mean(values[own], axis=0),
-                    count,
+                    np.mean(t_s[own]), number, *np.mean(values[own], axis=0), count,
                     *np.sum(left**2, axis=0) / (count - 2),
                 )
-            )
+            )  # fmt: skip
     return np.array(rows)
 
 

@@ -192,16 +192,9 @@ def test_what_is_wrong_with_a_table_is_told_with_its_line(tmp_path, lines, messa
 
 def test_remarks_and_empty_lines_are_no_rows(tmp_path):
     lines = (
-        "# a remark",
-        HEAD[0],
-        "",
-        *HEAD[1:],
-        "# note: more",
-        " t_s , azimuth_deg,elevation_deg",
-        "1,200,30",
-        "",
-        "2,201,31",
-    )
+        "# a remark", HEAD[0], "", *HEAD[1:], "# note: more", " t_s , azimuth_deg,elevation_deg",
+        "1,200,30", "", "2,201,31",
+    )  # fmt: skip
     (tmp_path / "a.csv").write_text("\n".join(lines) + "\n")
     found = read_tracking(tmp_path / "a.csv")
     assert (found.station, found.band, found.target) == ("gs1", "S", "bird")

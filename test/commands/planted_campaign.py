@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from rf_pointing.calibration import BiasModel, Ionosphere, Observations, RawTracking, write_observations
-from rf_pointing.core import MDEG
-from rf_pointing.core.refraction import RadioRefraction
+from rf_pointing.core import MDEG, RadioRefraction
 from rf_pointing.ephemeris import TopocentricTrack, find_elements, find_passes, site, tle_lines, verification_elements
 from test.calibration.conftest import write_tracking
 

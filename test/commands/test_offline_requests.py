@@ -24,12 +24,8 @@ def test_plan_passes_plans_a_day_of_cbers_2_unless_told_otherwise() -> None:
     given = plan_passes.request_from(line.split())
     assert given.span == {"start_t_s": parse_utc(START), "hours": 744.0, "mask_deg": 12.0}
     assert (given.gap_s, given.json, given.csv, given.ics, given.picture) == (
-        3600.0,
-        True,
-        Path("c"),
-        Path("i"),
-        Path("p"),
-    )
+        3600.0, True, Path("c"), Path("i"), Path("p"),
+    )  # fmt: skip
     assert given.targets
     assert {target.min_peak_deg for target in given.targets} == {90.0}
 

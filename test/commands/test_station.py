@@ -76,13 +76,9 @@ def test_wrong_lines_end_with_2_before_the_station_is_looked_for(fake: FakeStati
     ],
 )
 def test_what_cannot_be_asked_has_its_reason(
-    fake: FakeStation,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-    line: str,
-    reason: str,
-) -> None:
+    fake: FakeStation, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str], line: str, reason: str,
+) -> None:  # fmt: skip
     monkeypatch.chdir(tmp_path)
     Path("wrong.csv").write_text("target,aos_utc,los_utc\nISS,tomorrow,2026-01-01T00:10:00\n")
     assert run(*line.split()) == 2
@@ -181,14 +177,9 @@ def trigger(success: bool, message: str = "as you wish") -> Any:
 )
 @pytest.mark.parametrize("success", [True, False])
 def test_a_request_calls_its_service_and_ends_with_its_success(
-    fake: FakeStation,
-    capsys: pytest.CaptureFixture[str],
-    line: str,
-    name: str,
-    kind: Any,
-    values: dict[str, Any],
-    success: bool,
-) -> None:
+    fake: FakeStation, capsys: pytest.CaptureFixture[str], line: str, name: str, kind: Any,
+    values: dict[str, Any], success: bool,
+) -> None:  # fmt: skip
     fake.services[name] = lambda _: kind.Response(success=success, message="the reason")
     assert run(*line.split()) == (0 if success else 1)
     called, request = fake.calls[-1]

@@ -10,17 +10,9 @@ from rf_pointing.station.description import read_station, shipped_stations
 
 WORDS = dict(enumerate(("ten", "eleven", "twelve", "thirteen", "fourteen", "fifteen"), start=10))
 MINE = [
-    "--name",
-    'My "best" dish: 1',
-    "--latitude",
-    "48.1",
-    "--longitude",
-    "11.6",
-    "--height",
-    "520",
-    "--diameter",
-    "3.7",
-]
+    "--name", 'My "best" dish: 1', "--latitude", "48.1", "--longitude", "11.6", "--height", "520",
+    "--diameter", "3.7",
+]  # fmt: skip
 
 
 @pytest.mark.parametrize("name", shipped_stations())

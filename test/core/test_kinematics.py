@@ -15,13 +15,10 @@ DEG = math.pi / 180.0
 CLOSURE = 1e-12
 HALF_TURN = st.floats(-math.pi, math.pi)
 MOUNTED = st.builds(
-    Kinematics,
-    type=st.sampled_from(sorted(MOUNTS)),
-    lower_axis=st.sampled_from(LOWER_AXES),
-    latitude_rad=st.floats(-89.0 * DEG, 89.0 * DEG),
-    tilt_rad=st.floats(0.0, 0.7),
+    Kinematics, type=st.sampled_from(sorted(MOUNTS)), lower_axis=st.sampled_from(LOWER_AXES),
+    latitude_rad=st.floats(-89.0 * DEG, 89.0 * DEG), tilt_rad=st.floats(0.0, 0.7),
     train_rad=HALF_TURN,
-)
+)  # fmt: skip
 # As near to a keyhole as its radius in powers of ten says.
 NEARNESS = st.floats(-8.0, 0.0)
 

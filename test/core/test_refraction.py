@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from rf_pointing.core import MDEG
-from rf_pointing.core.refraction import RadioRefraction
+from rf_pointing.core import MDEG, RadioRefraction
 
 WEATHER = [
     RadioRefraction(pressure_hpa=pressure, temperature_k=temperature, relative_humidity=humidity)

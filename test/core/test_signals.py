@@ -10,18 +10,11 @@ from rf_pointing.core import Boresight, JointReading, JointTrajectory, PointingE
 from rf_pointing.core.signals import BeamPosition
 
 TARGET: dict[str, Any] = {
-    "t_s": 10.0,
-    "name": "bird",
-    "azimuth_rad": 1.0,
-    "elevation_rad": 0.5,
-    "azimuth_rate_rad_s": 0.01,
-    "elevation_rate_rad_s": -0.002,
-    "azimuth_acceleration_rad_s2": 1e-4,
-    "elevation_acceleration_rad_s2": -1e-5,
-    "range_m": 9e5,
-    "range_rate_m_s": -3e3,
+    "t_s": 10.0, "name": "bird", "azimuth_rad": 1.0, "elevation_rad": 0.5,
+    "azimuth_rate_rad_s": 0.01, "elevation_rate_rad_s": -0.002, "azimuth_acceleration_rad_s2": 1e-4,
+    "elevation_acceleration_rad_s2": -1e-5, "range_m": 9e5, "range_rate_m_s": -3e3,
     "refraction_rad": 1e-4,
-}
+}  # fmt: skip
 
 
 def trajectory(**changes: Any) -> JointTrajectory:

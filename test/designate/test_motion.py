@@ -21,12 +21,9 @@ def report(
     t_s: float, position: np.ndarray, velocity: np.ndarray | None = None, sigma_m: float = SIGMA_M
 ) -> Report:
     return Report(
-        t_s=T_S + t_s,
-        name="x",
-        position_m=position,
-        covariance_m2=sigma_m**2 * np.eye(3),
+        t_s=T_S + t_s, name="x", position_m=position, covariance_m2=sigma_m**2 * np.eye(3),
         velocity_m_s=velocity,
-    )
+    )  # fmt: skip
 
 
 def made(kind: str = "aircraft", time_s: float = 0.0) -> MotionFilter:

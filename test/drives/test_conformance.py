@@ -9,8 +9,7 @@ import pytest
 
 from rf_pointing.commands import check_drive
 from rf_pointing.commands.check_drive import flown_rad
-from rf_pointing.core.checks import Line
-from rf_pointing.core.types import Pair
+from rf_pointing.core import Line, Pair
 from rf_pointing.drives import DriveParams, LinkParams, RotatorParams, SimulatedRotator, make_drive
 from rf_pointing.drives.conformance import ConformanceCheck
 from rf_pointing.drives.drive import RATE, Capabilities, Drive, DriveReading

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rf_pointing.core import random_stream, unit_vector_from_azel
-from rf_pointing.core.constants import EARTH_MU_M3_S2
+from rf_pointing.core import EARTH_MU_M3_S2, random_stream, unit_vector_from_azel
 from rf_pointing.core.dates import from_utc_text
 from rf_pointing.ephemeris import (
     CatalogueSky,

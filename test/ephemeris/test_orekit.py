@@ -20,11 +20,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rf_pointing.core import random_stream, unit_vector_from_azel
-from rf_pointing.core.constants import EARTH_MU_M3_S2
-from rf_pointing.ephemeris import Elements, Site, TopocentricTrack
-from rf_pointing.ephemeris.oem import OemTarget
-from rf_pointing.ephemeris.time_scales import leap_seconds
+from rf_pointing.core import EARTH_MU_M3_S2, random_stream, unit_vector_from_azel
+from rf_pointing.ephemeris import Elements, OemTarget, Site, TopocentricTrack, leap_seconds
 from rf_pointing.ephemeris.tle import read_tle, tle_lines
 from rf_pointing.ephemeris.uncertainty import ElementUncertainty, sky_uncertainty
 from test.ephemeris.oem_text import read_oem, text_of

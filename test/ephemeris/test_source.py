@@ -8,9 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rf_pointing.core import MDEG
-from rf_pointing.core.dates import utc_text
-from rf_pointing.core.refraction import RadioRefraction
+from rf_pointing.core import MDEG, RadioRefraction, utc_text
 from rf_pointing.ephemeris import (
     Elements,
     ElementUncertainty,

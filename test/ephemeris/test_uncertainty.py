@@ -5,8 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from rf_pointing.core import random_stream, sky_offset_rad
-from rf_pointing.core.dates import utc_text
+from rf_pointing.core import random_stream, sky_offset_rad, utc_text
 from rf_pointing.ephemeris import Elements, ElementUncertainty, OemTarget, Site, TopocentricTrack, moon, sky_uncertainty
 from test.ephemeris.oem_text import START_T_S, STEP_S, read_oem, teme_states, text_of
 

@@ -34,15 +34,9 @@ class Servo:
     """Sends a steady azimuth motion; `begun_s` and `base_rad` are when and where the motion of a test began."""
 
     def __init__(
-        self,
-        live: SimpleNamespace,
-        yaml: str,
-        station: dict[str, Any],
-        *,
-        simulated: bool = True,
-        key: str = "",
-        wall: bool = False,
-    ) -> None:
+        self, live: SimpleNamespace, yaml: str, station: dict[str, Any], *, simulated: bool = True,
+        key: str = "", wall: bool = False,
+    ) -> None:  # fmt: skip
         params = CommandKeyParams(command_key_file=key)
         self.caller = Caller(live.node, CommandKey(params))
         self.live, self.status, self.joints = live, AntennaStatus(), []
@@ -185,11 +179,9 @@ def servo_yaml(wrap: Path) -> str:
 def on_rotctld(port: int) -> dict[str, Any]:
     """Return the same station on the rotctld of a port, with its anemometer on weather/wind."""
     speed = {
-        "rate_deg_s": 6.0,
-        "acceleration_deg_s2": 6.0,
-        "command_rate_deg_s": 6.0,
+        "rate_deg_s": 6.0, "acceleration_deg_s2": 6.0, "command_rate_deg_s": 6.0,
         "command_acceleration_deg_s2": 6.0,
-    }
+    }  # fmt: skip
     return WITH_HILL | {
         "mount.azimuth": {"travel_deg": [-180.0, 223.0], **speed},
         "mount.elevation": {"travel_deg": [0.0, 90.0], **speed},
@@ -202,17 +194,10 @@ def on_rotctld(port: int) -> dict[str, Any]:
 
 WITH_HILL: dict[str, Any] = {
     "mount.horizon_deg": [
-        [0.0, 0.0],
-        [70.0, 0.0],
-        [160.0, 0.0],
-        [161.0, 70.0],
-        [180.0, 0.0],
-        [230.0, 0.0],
+        [0.0, 0.0], [70.0, 0.0], [160.0, 0.0], [161.0, 70.0], [180.0, 0.0], [230.0, 0.0],
         [300.0, 0.0],
     ],
-    "wind.gust_limit_m_s": 25.0,
-    "wind.mean_limit_m_s": 100.0,
-    "tuning.safety.wind.release_s": 0.2,
+    "wind.gust_limit_m_s": 25.0, "wind.mean_limit_m_s": 100.0, "tuning.safety.wind.release_s": 0.2,
     "tuning.safety.wind.silence_s": 0.5,
-}
+}  # fmt: skip
 """A station with a hill 40 deg to the right of where the antenna starts; the tests together move it by some 20."""

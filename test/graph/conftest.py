@@ -108,14 +108,9 @@ def live_graph(folder: Path, ros_domain: int) -> Iterator[SimpleNamespace]:
             executor.spin_once(timeout_sec=0.05)
 
     def start(
-        names: list[str],
-        parameters: str = "",
-        state: str = "activate",
-        simulated: bool = False,
-        autostart: bool = False,
-        station: dict[str, Any] | None = None,
-        processes: int = 1,
-    ) -> Any:
+        names: list[str], parameters: str = "", state: str = "activate", simulated: bool = False,
+        autostart: bool = False, station: dict[str, Any] | None = None, processes: int = 1,
+    ) -> Any:  # fmt: skip
         """Start nodes with `parameters` (YAML) and with other values for the keys of the description `station`."""
         if station is not None:
             read_station("dss13").write(folder / "station.yaml", station)

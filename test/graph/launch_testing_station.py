@@ -26,12 +26,9 @@ FILE = Path(__file__).parents[2] / "launch" / "simulated_station.launch.py"
 def generate_test_description() -> LaunchDescription:
     """Return the launch file, and the word that the tests may begin."""
     arguments = {
-        "namespace": NAMESPACE,
-        "speed": "4.0",
-        "state_folder": "none",
-        "station": "dss13",
+        "namespace": NAMESPACE, "speed": "4.0", "state_folder": "none", "station": "dss13",
         "satellite": "Moon",
-    }
+    }  # fmt: skip
     station = IncludeLaunchDescription(PythonLaunchDescriptionSource(str(FILE)), launch_arguments=arguments.items())
     return LaunchDescription([station, launch_testing.actions.ReadyToTest()])
 

@@ -5,8 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rf_pointing.core.constants import EARTH_MU_M3_S2, EARTH_RADIUS_M
-from rf_pointing.core.refraction import RadioRefraction
+from rf_pointing.core import EARTH_MU_M3_S2, EARTH_RADIUS_M, RadioRefraction
 from rf_pointing.ephemeris import Elements, Site, TopocentricTrack, tle_lines
 
 HEIGHT_M = 4.2e5

@@ -19,14 +19,10 @@ ALONE = sorted(
 )
 TARGET = {"source.satellite": "Moon"}
 OWN: dict[str, dict[str, Any]] = {
-    "array_receiver": {"station": "rotator_2m"},
-    "array_tracker": {"station": "rotator_2m"},
-    "ephemeris_publisher": TARGET,
-    "operator_page": {"page.port": 0},
-    "rf_receiver": TARGET,
-    "rotctld_server": {"server.port": 0},
-    "tripulse_receiver": {"station.name": "wallops"},
-}
+    "array_receiver": {"station": "rotator_2m"}, "array_tracker": {"station": "rotator_2m"},
+    "ephemeris_publisher": TARGET, "operator_page": {"page.port": 0}, "rf_receiver": TARGET,
+    "rotctld_server": {"server.port": 0}, "tripulse_receiver": {"station.name": "wallops"},
+}  # fmt: skip
 ROOMS = 5
 """Parts in which they are started, so that the machine keeps up."""
 BY_ITSELF = ("operator_page",)

@@ -42,14 +42,9 @@ class LiveNight:
     """A whole simulated station with its executive, and what it publishes."""
 
     def __init__(
-        self,
-        live: SimpleNamespace,
-        folder: Path,
-        nodes: tuple[str, ...] = EVERY,
-        speed: float = SPEED,
-        more: str = "",
-        lead_s: float = 90.0,
-    ) -> None:
+        self, live: SimpleNamespace, folder: Path, nodes: tuple[str, ...] = EVERY,
+        speed: float = SPEED, more: str = "", lead_s: float = 90.0,
+    ) -> None:  # fmt: skip
         self.live, self.folder, self.now_s = live, folder, 0.0
         self.schedule, self.status, self.lost = Schedule(), ExecutiveStatus(), {}
         self.tracking, self.antenna, self.statuses = TrackingStatus(), AntennaStatus(), 0

@@ -55,13 +55,9 @@ def tracked(tmp_path_factory: pytest.TempPathFactory) -> SimpleNamespace:
     run = start_track("--station", "dss13", "--speed", "max", *CBERS, "--output", str(folder), "--namespace", namespace)
     said = run.communicate(timeout=DEADLINE_S)[1]
     return SimpleNamespace(
-        code=run.returncode,
-        said=said,
-        folder=folder,
-        left=processes_of(namespace),
-        segments=left_segments() - before,
-        summary=summary_of(folder, said),
-    )
+        code=run.returncode, said=said, folder=folder, left=processes_of(namespace),
+        segments=left_segments() - before, summary=summary_of(folder, said),
+    )  # fmt: skip
 
 
 @pytest.fixture(scope="module")

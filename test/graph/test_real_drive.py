@@ -17,8 +17,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rf_pointing_msgs.msg import AntennaStatus
 from std_srvs.srv import Trigger
 
-from rf_pointing.ephemeris import TopocentricTrack
-from rf_pointing.ephemeris.source import read_source
+from rf_pointing.ephemeris import TopocentricTrack, read_source
 from rf_pointing.report.recording import read_recording
 from rf_pointing.ros.input_watchdog import INPUT_SILENCE_S
 from rf_pointing.ros.qos import STREAM

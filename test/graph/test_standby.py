@@ -66,14 +66,9 @@ class Station:
             )
         )
         line = [
-            executable(program),
-            *words,
-            "--ros-args",
-            "-r",
-            f"__ns:={self.live.namespace}",
-            "-p",
+            executable(program), *words, "--ros-args", "-r", f"__ns:={self.live.namespace}", "-p",
             f"station:={STATION}",
-        ]
+        ]  # fmt: skip
         line += ["-p", "lifecycle.autostart:=true", "--params-file", str(own), *(more or [])]
         with (self.folder / f"{what}.log").open("ab") as log:
             self.running[what] = subprocess.Popen(line, stdin=subprocess.DEVNULL, stdout=log, stderr=log)

@@ -70,13 +70,9 @@ PARAMS = ExcitationParams(samples=256)
 
 def experiment(**changes: object) -> IdentificationExperiment:
     options = {
-        "params": PARAMS,
-        "axis": "elevation",
-        "sequences": 4,
-        "start_rad": 0.8,
-        "travel_rad": (0.1, 1.5),
-        "random": random_stream(1, "excitation"),
-    }
+        "params": PARAMS, "axis": "elevation", "sequences": 4, "start_rad": 0.8,
+        "travel_rad": (0.1, 1.5), "random": random_stream(1, "excitation"),
+    }  # fmt: skip
     return IdentificationExperiment(**(options | changes))
 
 

@@ -119,19 +119,16 @@ def test_a_command_that_cannot_be_used_is_counted_with_its_reason(make_bench: Ma
 # Times of the points, what they carry besides positions, the stamp (None: 0), and the joints.
 BOTH, TURNED = ["azimuth", "elevation"], ["elevation", "azimuth"]
 GOALS: dict[str, tuple[tuple[float, ...], tuple[str, ...], float | None, list[str]]] = {
-    "one point": ((1.0,), (), None, BOTH),
-    "a point at once": ((0.0, 1.0), (), None, BOTH),
-    "at once alone": ((0.0,), (), None, BOTH),
-    "elevation first": ((1.0,), (), None, TURNED),
+    "one point": ((1.0,), (), None, BOTH), "a point at once": ((0.0, 1.0), (), None, BOTH),
+    "at once alone": ((0.0,), (), None, BOTH), "elevation first": ((1.0,), (), None, TURNED),
     "with rates": ((0.2, 1.0), ("velocities",), None, BOTH),
     "with accelerations": ((0.2, 1.0), ("velocities", "accelerations"), None, BOTH),
     "with efforts": ((0.5, 1.0), ("effort",), None, BOTH),
     "in nanoseconds": ((0.123456789, 0.987654321), (), None, BOTH),
     "many points": (tuple(0.1 * k for k in range(1, 11)), (), None, BOTH),
-    "stamped now": ((1.0,), (), 0.0, BOTH),
-    "stamped ahead": ((0.2, 0.7), (), 0.3, BOTH),
+    "stamped now": ((1.0,), (), 0.0, BOTH), "stamped ahead": ((0.2, 0.7), (), 0.3, BOTH),
     "stamped before": ((0.5, 1.5), (), -0.3, TURNED),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("goal", GOALS)
@@ -226,10 +223,8 @@ def test_while_a_signed_commander_has_the_antenna_only_who_has_the_key_is_served
         assert message.startswith(f"/{name} is refused: /pointing_controller commands the antenna.")
     health = bench.health("commanders")
     assert (health.level, health.values["calls_refused"], health.values["foreign_commands"]) == (
-        ERROR,
-        str(len(LEASED)),
-        "1",
-    )
+        ERROR, str(len(LEASED)), "1",
+    )  # fmt: skip
     caller = Caller(bench.node, CommandKey(CommandKeyParams(command_key_file=key)))
     call = caller.request("antenna_servo/go_to", requests["antenna_servo/go_to"])
     assert isinstance(call, SignedCall.Request)

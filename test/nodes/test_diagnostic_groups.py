@@ -31,11 +31,9 @@ KINDS: tuple[type[ManagedNode], ...] = (
     PointingControllerNode, RfReceiver, SimulationClock, AlarmNode, StationDescriptionNode, StationExecutive,
 )  # fmt: skip
 FOLDERS: dict[Any, str] = {
-    StationExecutive: "executive.folder",
-    AlarmNode: "folder",
-    BiasCalibrator: "calibrator.folder",
+    StationExecutive: "executive.folder", AlarmNode: "folder", BiasCalibrator: "calibrator.folder",
     OperatorPage: "page.reports",
-}
+}  # fmt: skip
 """Of the nodes that use files, whatever they do."""
 KEY = re.compile(r"[a-z][a-z0-9_]*|(lost|refused|waited|abandoned) [a-z0-9_/ ]+")
 """A word of a script, or what became of the messages of a topic."""

@@ -74,8 +74,7 @@ NODES: dict[Any, dict[str, Any]] = {
     StationDescriptionNode: {},
     AlarmNode: {},
     StationExecutive: {
-        "executive.record": False,
-        "executive.partners": "gs2",
+        "executive.record": False, "executive.partners": "gs2",
         "executive.partners_key_file": PARTNERS_KEY,
     },
     RotctldServerNode: {"server.port": 0},
@@ -83,13 +82,9 @@ NODES: dict[Any, dict[str, Any]] = {
         "server.port": 0,
         "station": str(Path(__file__).parents[2] / "examples" / "transponder_radio.yaml"),
     },
-    ArrayReceiver: {},
-    ArrayTracker: {},
-    DoaAttitudeNode: {},
-    InterferometerTrackerNode: {},
-    TripulseAttitudeNode: {},
-    TripulseReceiverNode: {"station.name": "wallops"},
-}
+    ArrayReceiver: {}, ArrayTracker: {}, DoaAttitudeNode: {}, InterferometerTrackerNode: {},
+    TripulseAttitudeNode: {}, TripulseReceiverNode: {"station.name": "wallops"},
+}  # fmt: skip
 WORDS = (
     "", "azimuth", "elevation", "monopulse", "conscan", "tracking", "wallops", "/antenna_servo", "antenna_servo: device",
     "orbit", "x" * 300, "\N{SNOWMAN}",

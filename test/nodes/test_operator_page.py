@@ -144,10 +144,8 @@ def test_messages_and_parameters_of_the_station_become_sections(page: Any, put: 
     page.turn()
     found = put[-1]
     assert (found["live"]["antenna"], found["live"]["executive"], found["executive"]["state"]) == (
-        "holding",
-        "paused",
-        "paused",
-    )
+        "holding", "paused", "paused",
+    )  # fmt: skip
     assert (found["station"]["name"], found["station"]["namespace"]) == ("Dish", "/gs1")
     assert found["station"]["offsets"].startswith("along track 0.25 s, cross track 0.25 deg")
     assert found["station"]["limits_deg"] == pytest.approx([-220.0, 220.0, 4.0, 89.5])

@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 from rf_pointing_msgs.msg import AntennaStatus, TrackingStatus
 
-from rf_pointing.core import JointReading
-from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
+from rf_pointing.core import SPEED_OF_LIGHT_M_S, JointReading
 from rf_pointing.nodes.radio_control import RadioControlNode
 from rf_pointing.ros import convert
 from rf_pointing.ros.stamps import stamp_from_seconds

@@ -132,7 +132,8 @@ def test_the_page_holds_for_whoever_pastes_it_in_an_empty_folder(
     lines = re.findall(r"^    scripts/run (check_\w+)(.* my_dish.yaml)$", text, re.MULTILINE)
     assert [name for name, _ in lines] == ["check_station", "check_receiver"]
     for name, arguments in lines:
-        words = [sys.executable, "-m", f"rf_pointing.commands.{name}", *arguments.split()]
+        start = f"from rf_pointing.commands.{name} import main; main()"
+        words = [sys.executable, "-c", start, *arguments.split()]
         program = subprocess.Popen(words, cwd=tmp_path, stdout=subprocess.PIPE, text=True)
         while program.poll() is None:
             radio.give()

@@ -13,8 +13,7 @@ from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import NavSatStatus
 from visualization_msgs.msg import Marker
 
-from rf_pointing.core import JointReading
-from rf_pointing.core.angles import azel_from_unit_vector, unit_vector_from_azel
+from rf_pointing.core import JointReading, azel_from_unit_vector, unit_vector_from_azel
 from rf_pointing.ephemeris.solar import SolarDirection, SunParams
 from rf_pointing.nodes.station_description import StationDescriptionNode
 from rf_pointing.ros import convert, convert_description

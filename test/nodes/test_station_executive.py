@@ -23,8 +23,7 @@ from rf_pointing_msgs.msg import (
 from rf_pointing_msgs.srv import ChangeSchedule, Named
 
 from rf_pointing import __version__
-from rf_pointing.core import JointReading
-from rf_pointing.core.dates import utc_text
+from rf_pointing.core import JointReading, utc_text
 from rf_pointing.nodes.pointing_controller import PointingControllerNode
 from rf_pointing.nodes.station_executive import StationExecutive
 from rf_pointing.operations.alarms import MOST_HISTORY, AlarmParams

@@ -39,28 +39,21 @@ WAITS = {
     ConscanTrackerNode: f"carrier_power {RECEIVER}, {JOINTS}, {TRACKING}",
     MonopulseTrackerNode: f"monopulse {RECEIVER}, {TRACKING}",
     PointingControllerNode: f"{JOINTS}, {TARGET}, {ANTENNA}",
-    RfReceiver: "sim/boresight (antenna_servo)",
-    StationDescriptionNode: f"{TARGET}, {JOINTS}",
-    AlarmNode: WATCHED,
-    StationExecutive: WATCHED,
-    RotctldServerNode: WATCHED,
+    RfReceiver: "sim/boresight (antenna_servo)", StationDescriptionNode: f"{TARGET}, {JOINTS}",
+    AlarmNode: WATCHED, StationExecutive: WATCHED, RotctldServerNode: WATCHED,
     OperatorPage: f"{ANTENNA}, {TRACKING}, {TARGET}, {JOINTS}",
     ArrayReceiver: "sim/pointing_error (rf_receiver, signal_source)",
-    ArrayTracker: "array_snapshots",
-    DoaAttitudeNode: "array_snapshots",
-    InterferometerTrackerNode: "interferometer_measurement",
-    TripulseReceiverNode: "tripulse_frame",
-}
+    ArrayTracker: "array_snapshots", DoaAttitudeNode: "array_snapshots",
+    InterferometerTrackerNode: "interferometer_measurement", TripulseReceiverNode: "tripulse_frame",
+}  # fmt: skip
 OWN: dict[Any, dict[str, Any]] = {
-    AlarmNode: {"folder": "{}"},
-    BiasCalibrator: {"calibrator.folder": "{}"},
-    ArrayReceiver: {"station": "rotator_2m"},
-    ArrayTracker: {"station": "rotator_2m"},
+    AlarmNode: {"folder": "{}"}, BiasCalibrator: {"calibrator.folder": "{}"},
+    ArrayReceiver: {"station": "rotator_2m"}, ArrayTracker: {"station": "rotator_2m"},
     OperatorPage: {"page.port": 0, "page.reports": "{}", "lifecycle.autostart": False},
     RotctldServerNode: {"server.port": 0},
     StationExecutive: {"executive.folder": "{}", "executive.record": False},
     TripulseReceiverNode: {"station.name": "wallops"},
-}
+}  # fmt: skip
 PLAIN = {"joint_states", "target", "antenna_status", "tracking_status", "sim/boresight", "sim/pointing_error"}
 """Topics of which an empty message with a stamp can be taken."""
 

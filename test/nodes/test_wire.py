@@ -301,15 +301,11 @@ def branch() -> Branch:
         name: (10.0 + k, 20.0 + k)
         for k, name in enumerate(
             (
-                "start_rad",
-                "end_rad",
-                "azimuth_range_rad",
-                "elevation_range_rad",
-                "peak_rate_rad_s",
-                "peak_acceleration_rad_s2",
+                "start_rad", "end_rad", "azimuth_range_rad", "elevation_range_rad",
+                "peak_rate_rad_s", "peak_acceleration_rad_s2",
             )
         )
-    }
+    }  # fmt: skip
     numbers = {
         name: 30.0 + k
         for k, name in enumerate(

@@ -18,12 +18,9 @@ def seven_blocks() -> Procedure:
     lines = ["version: 1", "name: seven", "blocks:"]
     for name, after in NETWORK.items():
         lines += [
-            f"  {name}:",
-            f"    after: {after}",
-            "    timeout_s: 30",
-            "    directives:",
+            f"  {name}:", f"    after: {after}", "    timeout_s: 30", "    directives:",
             f"      - {{send: {name}, expect: {{dev.{name}: done}}}}",
-        ]
+        ]  # fmt: skip
     return read_procedure("\n".join(lines), DICTIONARY)
 
 
@@ -95,12 +92,9 @@ class Run:
         self.expected_state = ExpectedState()
         self.sent: list[tuple[int, str]] = []
         self.executor = Executor(
-            read_procedure(text, DICTIONARY),
-            {},
-            self.expected_state,
-            lambda n, d, _: self.sent.append((n, d.name)),
-            **options,
-        )
+            read_procedure(text, DICTIONARY), {}, self.expected_state,
+            lambda n, d, _: self.sent.append((n, d.name)), **options,
+        )  # fmt: skip
 
     def step(self, *times_s: float) -> str:
         for t_s in times_s:

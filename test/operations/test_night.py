@@ -11,12 +11,11 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
 from rf_pointing.core.pass_outcome import LOSS_OF_SIGNAL
-from rf_pointing.operations import AlarmParams, BetweenParams
+from rf_pointing.operations import AlarmParams, BetweenParams, read_procedure
 from rf_pointing.operations.dictionary import read_tables
 from rf_pointing.operations.executor import block_text
 from rf_pointing.operations.night import Night, NightState
 from rf_pointing.operations.pass_work import filler_text, fillers_of
-from rf_pointing.operations.procedure import read_procedure
 from rf_pointing.operations.recovery import read_table
 from rf_pointing.operations.schedule import OPEN, PassState, Schedule, ScheduledPass
 from test.operations.test_schedule import LIMITS, PARK, RATES, a_pass

@@ -22,13 +22,9 @@ PARK = (0.0, math.radians(45.0))
 
 
 def a_pass(
-    identity: str,
-    aos_s: float,
-    *,
-    los_s: float | None = None,
-    azimuth: tuple[float, float] = (10.0, 100.0),
-    **changes: Any,
-) -> ScheduledPass:
+    identity: str, aos_s: float, *, los_s: float | None = None,
+    azimuth: tuple[float, float] = (10.0, 100.0), **changes: Any,
+) -> ScheduledPass:  # fmt: skip
     begin, end = map(math.radians, azimuth)
     values = {
         "id": identity, "target": identity, "aos_t_s": aos_s, "los_t_s": aos_s + 600.0 if los_s is None else los_s,

@@ -8,8 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.special import lpmv
 
-from rf_pointing.core import random_stream
-from rf_pointing.core.constants import EARTH_MU_M3_S2, EARTH_RADIUS_M
+from rf_pointing.core import EARTH_MU_M3_S2, EARTH_RADIUS_M, random_stream
 from rf_pointing.orbit import forces
 from rf_pointing.orbit.forces import AU_M, EARTH_RATE_RAD_S, Disturbances, lit_share, moon_m, sidereal_angle_rad, sun_m
 from rf_pointing.orbit.geopotential import EGM96_RADIUS_M, attraction, coefficients

@@ -23,26 +23,20 @@ MAURITIUS = Site(name="Mauritius", latitude_rad=math.radians(-20.34), longitude_
 EPOCH, GRAVITY = 827385062.07, Gravity()
 SEA_LEVEL = Site(name="Mauritius", latitude_rad=math.radians(-20.34), longitude_rad=math.radians(57.45))
 ORBIT = Elements(
-    semi_major_axis_m=7195e3,
-    eccentricity=0.0012,
-    inclination_rad=math.radians(98.7),
-    node_rad=math.radians(156.6),
-    perigee_rad=math.radians(243.5),
+    semi_major_axis_m=7195e3, eccentricity=0.0012, inclination_rad=math.radians(98.7),
+    node_rad=math.radians(156.6), perigee_rad=math.radians(243.5),
     mean_anomaly_rad=math.radians(325.0),
-)
+)  # fmt: skip
 LOWEST_RAD = math.radians(10.0)
 
 
 def test_elements_and_state_are_inverses_for_random_orbits(random):
     for _ in range(50):
         given = Elements(
-            semi_major_axis_m=random.uniform(6.8e6, 4.2e7),
-            eccentricity=random.uniform(0.001, 0.7),
-            inclination_rad=random.uniform(0.05, 3.0),
-            node_rad=random.uniform(0.0, 6.28),
-            perigee_rad=random.uniform(0.0, 6.28),
-            mean_anomaly_rad=random.uniform(0.0, 6.28),
-        )
+            semi_major_axis_m=random.uniform(6.8e6, 4.2e7), eccentricity=random.uniform(0.001, 0.7),
+            inclination_rad=random.uniform(0.05, 3.0), node_rad=random.uniform(0.0, 6.28),
+            perigee_rad=random.uniform(0.0, 6.28), mean_anomaly_rad=random.uniform(0.0, 6.28),
+        )  # fmt: skip
         back = Elements.from_state(given.state())
         assert np.allclose(back.state(), given.state(), rtol=1e-11)
         assert back.semi_major_axis_m == pytest.approx(given.semi_major_axis_m, rel=1e-12)

@@ -16,13 +16,10 @@ EPOCH = 827385062.07
 ROUND = Gravity(j2=0.0, j3=0.0, j4=0.0)
 RADIUS_M = EARTH_RADIUS_M + 8.0e5
 ORBIT = Elements(
-    semi_major_axis_m=7205497.854,
-    eccentricity=0.002332,
-    inclination_rad=math.radians(98.789565),
-    node_rad=math.radians(156.612388),
-    perigee_rad=math.radians(243.5181),
+    semi_major_axis_m=7205497.854, eccentricity=0.002332, inclination_rad=math.radians(98.789565),
+    node_rad=math.radians(156.612388), perigee_rad=math.radians(243.5181),
     mean_anomaly_rad=math.radians(325.4653),
-)
+)  # fmt: skip
 
 
 @pytest.mark.parametrize("days", [0.0, 1234.5, 9876.5])

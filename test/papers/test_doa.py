@@ -20,19 +20,13 @@ def tables(
     quiet = np.zeros((10, 2), dtype=np.float32)
     return {
         case: CaseResult(
-            case=case,
-            theta_deg=theta_deg,
-            phi_deg=theta_deg,
-            roll_deg=axis_deg,
-            pitch_deg=axis_deg,
-            yaw_deg=axis_deg,
-            sigma_deg=axis_deg if claimed_deg is None else claimed_deg,
-            outliers=outliers,
-            history_deg=quiet,
-            rate_history_deg_s=quiet,
+            case=case, theta_deg=theta_deg, phi_deg=theta_deg, roll_deg=axis_deg,
+            pitch_deg=axis_deg, yaw_deg=axis_deg,
+            sigma_deg=axis_deg if claimed_deg is None else claimed_deg, outliers=outliers,
+            history_deg=quiet, rate_history_deg_s=quiet,
         )
         for case in table_cases()
-    }
+    }  # fmt: skip
 
 
 def test_every_printed_row_has_its_case() -> None:

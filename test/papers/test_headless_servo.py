@@ -15,12 +15,10 @@ def run_setup(ticks: int = 200, plant: PlantParams | None = None, **changes: obj
     time = TICK_S * np.arange(ticks)[:, None]
     rate, start = np.array([4e-3, -2e-3]), np.array([0.3, 0.9])
     return ServoRunSetup(
-        position_rad=start + rate * time + 5e-4 * time**2,
-        velocity_rad_s=rate + 1e-3 * time,
+        position_rad=start + rate * time + 5e-4 * time**2, velocity_rad_s=rate + 1e-3 * time,
         acceleration_rad_s2=np.full((ticks, 2), 1e-3),
-        plant=plant or dss13_plant().replace(substep_s=0.001),
-        **changes,
-    )
+        plant=plant or dss13_plant().replace(substep_s=0.001), **changes,
+    )  # fmt: skip
 
 
 def test_a_run_is_plant_and_loops_stepped_in_turn() -> None:

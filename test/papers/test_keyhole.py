@@ -27,13 +27,9 @@ def flown(day: float, least_deg: float, beam_deg: float, over: bool, mount: Moun
     assert run is not None
     assert run.over == over
     found = (
-        run.aos_t_s,
-        run.peak_rad,
-        run.beamwidth_rad,
-        run.keyhole_s,
-        *astuple(run.predicted),
+        run.aos_t_s, run.peak_rad, run.beamwidth_rad, run.keyhole_s, *astuple(run.predicted),
         *astuple(run.simulated),
-    )
+    )  # fmt: skip
     name = f"keyhole: day {day:g}, {beam_deg:g} deg{', over' * over}{', mount' * (mount != MountParams())}"
     check_numbers(DATA / "numbers.csv", name, found, 1e-3)
     return run
@@ -72,13 +68,11 @@ def test_the_passes_of_the_monte_carlo_are_distinct_and_high() -> None:
     assert np.min([c.window.peak_elevation_rad for c in cases]) >= math.radians(75.0)
     found = [
         (
-            c.window.aos_t_s,
-            c.window.peak_elevation_rad,
-            c.beamwidth_rad,
+            c.window.aos_t_s, c.window.peak_elevation_rad, c.beamwidth_rad,
             c.calibrated.offset_rad(1.0, 0.7, 0.01, 0.01, 1e-4, 1e-4),
         )
         for c in cases
-    ]
+    ]  # fmt: skip
     check_numbers(
         DATA / "numbers.csv", "keyhole: high passes", [float(x) for one in found for x in (*one[:3], *one[3])], 1e-6
     )

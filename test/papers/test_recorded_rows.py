@@ -112,8 +112,7 @@ def doa_tables() -> list[Row]:
 TABLES: dict[str, tuple[Callable[[], list[Row]], float, str]] = {
     "PI83": (interferometer.rows, OURS_REL, "interferometer"),
     "TRIPULSE": (tripulse.rows, OURS_REL, "tripulse"),
-    "CONSCAN": (conscan.rows, OURS_REL, "conscan"),
-    "SATCAL": (satcal.rows, FLOWN_REL, "satcal"),
+    "CONSCAN": (conscan.rows, OURS_REL, "conscan"), "SATCAL": (satcal.rows, FLOWN_REL, "satcal"),
     "BWG monopulse in the station's code": (monopulse.rows, FLOWN_REL, "monopulse"),
     "BWG feedforward": (servo_feedforward.feedforward_rows, FLOWN_REL, "servo"),
     "BWG monopulse": (servo_monopulse.monopulse_rows, FLOWN_REL, "servo"),
@@ -121,9 +120,8 @@ TABLES: dict[str, tuple[Callable[[], list[Row]], float, str]] = {
     "BWG wind": (servo_wind.wind_rows, FLOWN_REL, "servo"),
     "DSS13-ID": (servo_identification.identification_rows, FLOWN_REL, "servo"),
     "autotrack and sensors, planted": (flown_by_the_station, OURS_REL, "autotrack sensors"),
-    "DOA command, planted": (doa_tables, OURS_REL, "doa"),
-    "orbit": (orbit.rows, 1e-4, "orbit"),
-}
+    "DOA command, planted": (doa_tables, OURS_REL, "doa"), "orbit": (orbit.rows, 1e-4, "orbit"),
+}  # fmt: skip
 """How the rows of each table are made, how far they may move, and the papers that they are of."""
 CLOSED_FORMS = {"nco": nco.rows, "network": network.rows, "receive": receive.rows}
 """Papers whose own tests compare their numbers."""

@@ -89,11 +89,8 @@ def test_the_table_has_a_line_for_every_row_its_remark_and_the_count_of_verdicts
         "quantity                 source   paper  ours  unit  tolerance  holds",
         "-----------------------  -------  -----  ----  ----  ---------  ---------",
         "gain                     paper A  4      4.5   dB    0.5        yes",
-        "loss of the second kind  paper A  >= 4   0.25  dB    0.5        NO",
-        "    measured",
+        "loss of the second kind  paper A  >= 4   0.25  dB    0.5        NO", "    measured",
         "ratio                    paper A  4      6     dB    x/2.5      yes",
         "misprint                 paper A  4      40    dB    0.5        explained",
-        "    " + "x" * 70,
-        "    " + "y" * 70,
-        "2 of 4 rows hold, 1 explained, 1 open",
-    ]
+        "    " + "x" * 70, "    " + "y" * 70, "2 of 4 rows hold, 1 explained, 1 open",
+    ]  # fmt: skip

@@ -75,15 +75,9 @@ def test_range_rate_of_one_instant_does_not_determine_an_orbit():
 def test_preliminary_orbit_of_noiseless_angles_and_ranges_is_exact(first_pass):
     seen = first_pass
     found = preliminary_orbit(
-        MAURITIUS,
-        seen.t_s,
-        seen.range_m,
-        seen.azimuth_rad,
-        seen.elevation_rad,
-        sigma_range_m=10.0,
-        sigma_angle_rad=2e-4,
-        gravity=GRAVITY,
-    )
+        MAURITIUS, seen.t_s, seen.range_m, seen.azimuth_rad, seen.elevation_rad, sigma_range_m=10.0,
+        sigma_angle_rad=2e-4, gravity=GRAVITY,
+    )  # fmt: skip
     expected = propagate(EPOCH, START, [found.epoch_t_s], GRAVITY).states[0]
     assert np.linalg.norm((found.state - expected)[:3]) < 0.01
 

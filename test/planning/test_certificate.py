@@ -47,14 +47,10 @@ def arc(low_deg: float, high_deg: float, peak_deg: float = 50.0, seconds: float 
 
 
 def certificate(
-    profile: PassProfile,
-    limits: AxisLimits | None = None,
-    mask: HorizonMask | None = None,
-    machine: MachineParams = MACHINE,
-    present_deg: tuple[float, float] = (120.0, 60.0),
-    now_s: float = 0.0,
-    cost: SensorCost | None = None,
-) -> Certificate:
+    profile: PassProfile, limits: AxisLimits | None = None, mask: HorizonMask | None = None,
+    machine: MachineParams = MACHINE, present_deg: tuple[float, float] = (120.0, 60.0),
+    now_s: float = 0.0, cost: SensorCost | None = None,
+) -> Certificate:  # fmt: skip
     motion = (profile.position_rad, profile.velocity_rad_s, profile.acceleration_rad_s2)
     return certify(
         profile, {False: motion, True: plunged(*motion)}, now_s, (present_deg[0] * DEG, present_deg[1] * DEG), machine,

@@ -9,11 +9,9 @@ from rf_pointing.planning import AxisLimits, AxisRates, choose_turns
 from rf_pointing.planning.limits import slew_time_s
 
 LIMITS = AxisLimits(
-    azimuth_min_rad=math.radians(-220.0),
-    azimuth_max_rad=math.radians(220.0),
-    elevation_min_rad=math.radians(4.0),
-    elevation_max_rad=math.radians(89.0),
-)
+    azimuth_min_rad=math.radians(-220.0), azimuth_max_rad=math.radians(220.0),
+    elevation_min_rad=math.radians(4.0), elevation_max_rad=math.radians(89.0),
+)  # fmt: skip
 TURN_RAD = 2.0 * math.pi
 
 

@@ -101,11 +101,9 @@ def test_parts_of_a_pass_go_on_without_a_slew_and_are_handed_over() -> None:
         return Option(candidate=one, station=station, target="probe", whole="probe")
 
     made = [
-        part(0, 0.0, 100.0, 0.4),
-        part(0, 100.0, 200.0, 0.4),
-        part(0, 200.0, 300.0, 0.1),
+        part(0, 0.0, 100.0, 0.4), part(0, 100.0, 200.0, 0.4), part(0, 200.0, 300.0, 0.1),
         part(1, 200.0, 400.0, 0.9),
-    ]
+    ]  # fmt: skip
     assert assign(made, AXES, GAP_S).taken == (0, 1, 3)
 
 

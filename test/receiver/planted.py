@@ -5,8 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
-from rf_pointing.core.types import Array
+from rf_pointing.core import SPEED_OF_LIGHT_M_S, Array
 from rf_pointing.receiver import GeneratorParams, Measurement, SignalGenerator, SignalMeter, SignalReceiverParams
 from rf_pointing.receiver.params import IqParams, SignalSearchParams
 from rf_pointing.receiver.spectrum import IqSamples

@@ -13,9 +13,8 @@ from unittest.mock import MagicMock, call
 import numpy as np
 import pytest
 
-from rf_pointing.receiver import SignalReceiver, SignalReceiverParams, make_source
+from rf_pointing.receiver import SignalReceiver, SignalReceiverParams, known_types, make_source
 from rf_pointing.receiver.params import IqParams, LevelParams, SignalSearchParams, SourceLinkParams
-from rf_pointing.receiver.registry import known_types
 from test.receiver.test_sources import wait_for
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "own_receiver.py"

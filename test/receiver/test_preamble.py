@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from rf_pointing.core.types import Array, ComplexArray
-from rf_pointing.receiver import Measurement, SignalMeter, SignalReceiverParams
+from rf_pointing.receiver import IqSamples, Measurement, SignalMeter, SignalReceiverParams
 from rf_pointing.receiver.params import IqParams, SignalSearchParams
-from rf_pointing.receiver.spectrum import IqSamples
 
 RATE_HZ, SYMBOL_HZ, ROLL_OFF = 9.6e4, 1e4, 0.35
 SEQUENCE = "01101000111010110010111100010011"

@@ -10,9 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rf_pointing.core import MDEG
-from rf_pointing.core.constants import MU
-from rf_pointing.core.pass_outcome import PassOutcome
+from rf_pointing.core import MDEG, MU, PassOutcome
 from rf_pointing.report import write_report
 from rf_pointing.report.definitions import Definitions
 from rf_pointing.report.error_ledger import COLOURS, LEDGER, Cause, Ledger, shared

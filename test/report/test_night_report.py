@@ -250,11 +250,8 @@ def test_passes_that_were_left_out_by_choice_are_neither_lost_nor_counted() -> N
     left = [record("A", 600.0, state="skipped", tracked_s=0.0), record("B", 3600.0)]
     report = night_of(state(left), "Dish")
     assert (report.tracked, len(report.chosen), report.to_do, report.held_share) == (
-        1,
-        1,
-        (),
-        pytest.approx(590.0 / 600.0),
-    )
+        1, 1, (), pytest.approx(590.0 / 600.0),
+    )  # fmt: skip
     assert "1 of 1" in page(report)
 
 

@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rf_pointing.core import MU
-from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
+from rf_pointing.core import MU, SPEED_OF_LIGHT_M_S
 from rf_pointing.rf.beam import Beam, BeamParams
 from rf_pointing.rf.budget import (
     DISC_RAD,

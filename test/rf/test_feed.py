@@ -33,13 +33,10 @@ def test_gaussian_feed_is_the_hyperbolic_tangent_on_each_axis() -> None:
 def test_imbalance_and_cross_talk_mix_the_differences_as_named() -> None:
     clean = MonopulseFeed(MonopulseFeedParams(), BeamParams.for_band("X"))
     params = MonopulseFeedParams(
-        difference_gain_db=(2.0, -1.0),
-        difference_phase_rad=(0.4, -0.7),
-        cross_talk=(0.1, 0.05),
-        cross_talk_phase_rad=(0.3, 1.1),
-        sum_leakage=(0.02, 0.01),
+        difference_gain_db=(2.0, -1.0), difference_phase_rad=(0.4, -0.7), cross_talk=(0.1, 0.05),
+        cross_talk_phase_rad=(0.3, 1.1), sum_leakage=(0.02, 0.01),
         sum_leakage_phase_rad=(-0.2, 0.5),
-    )
+    )  # fmt: skip
     x, y = 7.0 * MDEG, -12.0 * MDEG
     total, right, up = clean.voltages(x, y)
     mixed = MonopulseFeed(params, BeamParams.for_band("X")).voltages(x, y)

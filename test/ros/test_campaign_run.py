@@ -116,12 +116,9 @@ def test_a_full_sky_is_fitted_at_once_and_a_resumed_campaign_continues(
     ],
 )  # fmt: skip
 def test_every_outcome_has_its_words_and_its_last_request(
-    calibrator: FakeStation,
-    make: Callable[..., CalibrationRun],
-    changes: dict[str, Any],
-    outcome: CalibrationOutcome,
-    last: Any,
-) -> None:
+    calibrator: FakeStation, make: Callable[..., CalibrationRun], changes: dict[str, Any],
+    outcome: CalibrationOutcome, last: Any,
+) -> None:  # fmt: skip
     for place, name in enumerate(("campaign", "shadow")):
         if name in changes:
             calibrator.results[CAMPAIGN][place] = RunCampaign.Result(**changes[name])
@@ -149,12 +146,9 @@ def test_the_user_ends_campaign_or_shadow(
 
 @pytest.mark.parametrize("terminal", [False, True])
 def test_progress_is_a_line_per_pass_or_one_line_of_a_terminal(
-    calibrator: FakeStation,
-    make: Callable[..., CalibrationRun],
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-    terminal: bool,
-) -> None:
+    calibrator: FakeStation, make: Callable[..., CalibrationRun], monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str], terminal: bool,
+) -> None:  # fmt: skip
     monkeypatch.setattr(sys.stderr, "isatty", lambda: terminal, raising=False)
     rows = ((0.4, 1, 5), (0.5, 1, 9), (0.6, 2, 12), (2.5, 1, 15))
     for at_s, number, observations in rows:

@@ -125,12 +125,10 @@ def test_points_of_positions_alone_are_legal_and_end_at_rest(random: np.random.G
 def cluster(random: np.random.Generator, count: int = 5) -> MonopulseCluster:
     channels = random.standard_normal((3, count)) + 1j * random.standard_normal((3, count))
     return MonopulseCluster(
-        t_s=np.round(T_S + 0.02 * np.arange(count), 6),
-        sum=channels[0],
-        difference_cross_elevation=channels[1],
-        difference_elevation=channels[2],
+        t_s=np.round(T_S + 0.02 * np.arange(count), 6), sum=channels[0],
+        difference_cross_elevation=channels[1], difference_elevation=channels[2],
         carrier_to_noise_db_hz=58.2,
-    )
+    )  # fmt: skip
 
 
 def test_a_target_carries_light_time_doppler_and_the_error_of_its_elements(random: np.random.Generator) -> None:

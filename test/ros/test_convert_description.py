@@ -7,19 +7,16 @@ import numpy as np
 import pytest
 from visualization_msgs.msg import Marker
 
-from rf_pointing.core import Target
-from rf_pointing.core.angles import unit_vector_from_azel
+from rf_pointing.core import Target, unit_vector_from_azel
 from rf_pointing.planning import HorizonMask, PassProfile
 from rf_pointing.ros import convert_description as draw
 
 RADIUS_M = 20.0
 FRAME = "gs4/base_link"
 SHADES = {
-    "green": (0.2, 0.8, 0.4, 1.0),
-    "blue": (0.2, 0.5, 1.0, 1.0),
-    "yellow": (1.0, 0.8, 0.1, 1.0),
+    "green": (0.2, 0.8, 0.4, 1.0), "blue": (0.2, 0.5, 1.0, 1.0), "yellow": (1.0, 0.8, 0.1, 1.0),
     "brown": (0.7, 0.4, 0.2, 1.0),
-}
+}  # fmt: skip
 
 
 def places(marker: Marker) -> np.ndarray:

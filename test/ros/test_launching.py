@@ -23,11 +23,9 @@ from rf_pointing.station.description.urdf import urdf
 
 FOLDER = Path(__file__).parents[2] / "launch"
 MORE = {
-    "executive": "station_executive",
-    "page": "operator_page",
-    "radio": "radio_control",
+    "executive": "station_executive", "page": "operator_page", "radio": "radio_control",
     "rotctld": "rotctld_server",
-}
+}  # fmt: skip
 STATION = {"station": "dss13"}
 WITH_RADIO = tempfile.NamedTemporaryFile("w", suffix=".yaml")  # noqa: SIM115
 RADIO = {"radio.transponders.any.downlink_mhz": 437.5}
@@ -242,10 +240,8 @@ def test_each_antenna_keeps_its_state_by_default_in_a_folder_of_its_own(
         "antenna_servo": {
             "state_file": str(folder / "antenna_servo.json"), "wrap_file": str(folder / "azimuth_turn.json"), **key,
         },
-        "pointing_controller": key,
-        "rotctld_server": key,
-        "operator_page": {"page.reports": nights, **key},
-        "station_alarms": {"folder": nights},
+        "pointing_controller": key, "rotctld_server": key,
+        "operator_page": {"page.reports": nights, **key}, "station_alarms": {"folder": nights},
         "ephemeris_publisher": {"publisher.learned_file": str(folder / "learned_times.json")},
         "station_executive": {
             "executive.state_file": str(folder / "station_executive.json"), "executive.folder": nights, **key,

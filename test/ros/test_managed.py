@@ -34,14 +34,9 @@ class Subject(ManagedNode):
 
     def configure(self) -> None:
         self.listen(
-            PointingError,
-            "error",
-            self._take,
-            STREAM,
-            most_bytes=lambda: 1000,
-            refused=self.reasons.append,
-            steady=True,
-        )
+            PointingError, "error", self._take, STREAM, most_bytes=lambda: 1000,
+            refused=self.reasons.append, steady=True,
+        )  # fmt: skip
 
     def _take(self, message: PointingError) -> None:
         self.taken.append(convert.error_from_message(message))

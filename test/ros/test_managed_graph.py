@@ -163,12 +163,9 @@ def test_processes_end_by_the_mildest_signal_that_does_it(machine: Machine, tmp_
     machine["over"].code = 1
     processes.stop()
     assert [[sign for sign, _ in each.signals] for each in machine.made] == [
-        [signal.SIGINT],
-        [signal.SIGINT],
-        [signal.SIGINT, signal.SIGTERM],
-        [signal.SIGINT, signal.SIGTERM, signal.SIGKILL],
-        [],
-    ]
+        [signal.SIGINT], [signal.SIGINT], [signal.SIGINT, signal.SIGTERM],
+        [signal.SIGINT, signal.SIGTERM, signal.SIGKILL], [],
+    ]  # fmt: skip
     assert [round(at_s, 2) for _, at_s in machine["deaf"].signals] == pytest.approx([0.0, 4.0, 6.0], abs=0.05)
     assert all(bound_s > 0.0 for each in machine.made for bound_s in each.bounds_s), "zero would not wait at all"
     assert machine.wall.passed_s == pytest.approx(6.5, abs=0.05)

@@ -102,13 +102,9 @@ def test_a_target_is_in_kilometres_and_hours() -> None:
         element_age=9123.0,
     )  # fmt: skip
     shown = {
-        "name": "BIRD",
-        "position_deg": [12.346, 5.0],
-        "range_km": 1234.6,
-        "range_rate_m_s": -6543.2,
-        "age_h": None,
-        "along_sigma_s": None,
-    }
+        "name": "BIRD", "position_deg": [12.346, 5.0], "range_km": 1234.6,
+        "range_rate_m_s": -6543.2, "age_h": None, "along_sigma_s": None,
+    }  # fmt: skip
     assert target_values(target) == shown
     target.covariance = [1e-9] * 16
     assert target_values(target) == shown | {"age_h": 2.5, "along_sigma_s": 0.0}

@@ -95,11 +95,9 @@ def rig(
     """Return a maker of rigs that track the pass with `sensor`: run up to its beginning, or just started at `start_s`."""
 
     def make(
-        sensor: str = "program",
-        start_s: float | None = None,
-        azimuth_rad: float = window.aos_azimuth_rad,
-        **changes: Any,
-    ) -> Rig:
+        sensor: str = "program", start_s: float | None = None,
+        azimuth_rad: float = window.aos_azimuth_rad, **changes: Any,
+    ) -> Rig:  # fmt: skip
         controller = make_controller(**changes)
         standing = np.array([azimuth_rad, window.aos_elevation_rad])
         made = Rig(controller, track, standing)

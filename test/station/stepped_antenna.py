@@ -56,11 +56,9 @@ def ramp(
     times = begin_s + lead_s + np.arange(0.0, seconds - lead_s + 1e-9, 0.1)
     rates = np.tile([rate_rad_s, -rate_rad_s], (len(times), 1))
     return JointTrajectory(
-        t_s=times,
-        position_rad=STANDING + rates * (times - START_S)[:, None],
-        velocity_rad_s=rates,
+        t_s=times, position_rad=STANDING + rates * (times - START_S)[:, None], velocity_rad_s=rates,
         acceleration_rad_s2=np.zeros_like(rates),
-    )
+    )  # fmt: skip
 
 
 def hold_at(t_s: float, position: np.ndarray) -> JointTrajectory:

@@ -22,13 +22,9 @@ class Driver:
         self.t_s = 0.0
 
     def run(
-        self,
-        seconds: float,
-        level_db_hz: float = -math.inf,
-        monopulse_valid: bool = False,
-        conscan_valid: bool = True,
-        **inputs: object,
-    ) -> str:
+        self, seconds: float, level_db_hz: float = -math.inf, monopulse_valid: bool = False,
+        conscan_valid: bool = True, **inputs: object,
+    ) -> str:  # fmt: skip
         sensors = {"monopulse": monopulse_valid, "conscan": conscan_valid}
         valid = frozenset(name for name, usable in sensors.items() if usable)
         values = {"request": "track", "target_available": True, "on_target": True, "valid": valid, **inputs}

@@ -54,11 +54,9 @@ def run(
 def test_linear_model_is_solved_exactly_on_any_positions(name: str) -> None:
     rng = random_stream(5, name)
     angles = {
-        "full": 2.0 * np.pi * np.arange(1, 33) / 32,
-        "part": np.linspace(0.3, 2.6, 32),
-        "random": rng.uniform(0.0, 6.3, 32),
-        "leaving the circle": rng.uniform(0.0, 6.3, 32),
-    }[name]
+        "full": 2.0 * np.pi * np.arange(1, 33) / 32, "part": np.linspace(0.3, 2.6, 32),
+        "random": rng.uniform(0.0, 6.3, 32), "leaving the circle": rng.uniform(0.0, 6.3, 32),
+    }[name]  # fmt: skip
     radius = R * rng.uniform(0.3, 1.4, 32) if name == "leaving the circle" else None
     error = run(ConscanTracker(params()), angles, 2.1 * MDEG, -0.7 * MDEG, radius)
     assert error.valid, error.reason

@@ -21,13 +21,9 @@ def tracker(**changes: float) -> MonopulseTracker:
 
 
 def cluster(
-    x: float,
-    y: float,
-    level_db_hz: float = 45.0,
-    rng: np.random.Generator | None = None,
-    phase: float = 0.0,
-    n: int = 5,
-) -> MonopulseCluster:
+    x: float, y: float, level_db_hz: float = 45.0, rng: np.random.Generator | None = None,
+    phase: float = 0.0, n: int = 5,
+) -> MonopulseCluster:  # fmt: skip
     """A cluster of the textbook feed tanh(k x / h), amplitude 1."""
     snr = 10.0 ** (level_db_hz / 10.0) * SAMPLE_S
     noise = np.zeros((3, n), dtype=complex)
@@ -37,12 +33,10 @@ def cluster(
     right, up = math.tanh(SLOPE * x / H), math.tanh(SLOPE * y / H)
     carrier = np.exp(1j * phase)
     return MonopulseCluster(
-        t_s=10.0 + np.arange(n) * SAMPLE_S,
-        sum=carrier + noise[0],
+        t_s=10.0 + np.arange(n) * SAMPLE_S, sum=carrier + noise[0],
         difference_cross_elevation=right * carrier + noise[1],
-        difference_elevation=up * carrier + noise[2],
-        carrier_to_noise_db_hz=level_db_hz,
-    )
+        difference_elevation=up * carrier + noise[2], carrier_to_noise_db_hz=level_db_hz,
+    )  # fmt: skip
 
 
 @pytest.mark.parametrize(("x", "y"), [(0.0, 0.0), (3.1, -1.7), (-7.9, 8.2), (12.5, -12.0)])

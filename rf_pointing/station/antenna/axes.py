@@ -12,8 +12,7 @@ from typing import Protocol
 import numpy as np
 
 from rf_pointing.controllers import CommandPreprocessor, CommandPreprocessorParams, TrajectoryBuffer, TrajectorySample
-from rf_pointing.core import JointTrajectory, Motion
-from rf_pointing.core.types import Array, Pair
+from rf_pointing.core import Array, JointTrajectory, Motion, Pair
 from rf_pointing.planning import CornerPath
 from rf_pointing.servo import PlantParams
 from rf_pointing.station.antenna.loops import AxisLoops, LoopParams
@@ -117,10 +116,6 @@ class SlewPath:
         path = CornerPath(corners, near_rad=self._near_rad, rest_rad_s=REST_RAD_S)
         self._corners: CornerPath | None = path if corners else None
 
-    def ends_at_rest(self, t_s: float) -> bool:
-        """Return whether the table's last point is at rest."""
-        return self.at_rest(self.table.at(t_s + self.table.lead_s(t_s)))
-
     @staticmethod
     def at_rest(sample: TrajectorySample) -> bool:
         """Return whether a sample of the table stands still."""
@@ -148,14 +143,9 @@ class AntennaAxes:
     """
 
     def __init__(
-        self,
-        hardware: Hardware,
-        loops: LoopParams,
-        plant: PlantParams,
-        safety: AntennaSafety,
-        tick_s: float,
-        start: Pair,
-    ) -> None:
+        self, hardware: Hardware, loops: LoopParams, plant: PlantParams, safety: AntennaSafety,
+        tick_s: float, start: Pair,
+    ) -> None:  # fmt: skip
         self._safety = safety
         self.hardware = hardware
         self.path = SlewPath(loops, start, hardware.settled_rad)

@@ -11,8 +11,7 @@ import numpy as np
 
 from rf_pointing.controllers import LawMatrices
 from rf_pointing.controllers.margins import closed_radius
-from rf_pointing.core import AXES
-from rf_pointing.core.types import Array, ComplexArray
+from rf_pointing.core import AXES, Array, ComplexArray
 from rf_pointing.servo import PlantParams, discretise
 from rf_pointing.servo.linear_model import linear_model
 from rf_pointing.servo.wind import GUST_LENGTH_M

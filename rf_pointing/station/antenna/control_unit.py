@@ -17,9 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from rf_pointing.controllers import TrajectorySample
-from rf_pointing.core import AXES, JointReading, JointTrajectory
+from rf_pointing.core import AXES, Array, JointReading, JointTrajectory, Pair
 from rf_pointing.core.modes import antenna_is
-from rf_pointing.core.types import Array, Pair
 from rf_pointing.ephemeris.solar import SunPermit
 from rf_pointing.identification import IdentificationExperiment
 from rf_pointing.servo import PlantParams
@@ -82,14 +81,9 @@ class ControlUnit:
     """
 
     def __init__(
-        self,
-        hardware: Hardware,
-        loops: LoopParams,
-        plant: PlantParams,
-        safety: SafetyParams,
-        tick_s: float,
-        start_rad: Pair,
-    ) -> None:
+        self, hardware: Hardware, loops: LoopParams, plant: PlantParams, safety: SafetyParams,
+        tick_s: float, start_rad: Pair,
+    ) -> None:  # fmt: skip
         self.safety = AntennaSafety(safety, loops.preprocessor, tick_s)
         self.axes = AntennaAxes(hardware, loops, plant, self.safety, tick_s, start_rad)
         self.modes = AntennaModes()
@@ -487,11 +481,9 @@ class ControlUnit:
             away[self._held_axis] = 0.0
         away_rad = float(np.max(away))
         return MotionSnapshot(
-            fault=self.safety.latch.text,
-            high_wind=self.safety.wind.reason,
-            moving=self.axes.moving,
-            arrived=away_rad < self.axes.hardware.settled_rad,
-        )
+            fault=self.safety.latch.text, high_wind=self.safety.wind.reason,
+            moving=self.axes.moving, arrived=away_rad < self.axes.hardware.settled_rad,
+        )  # fmt: skip
 
     def _watch_wind(self, t_s: float) -> None:
         self._ticks += 1
@@ -647,7 +639,7 @@ class ControlUnit:
         if sample.source != "dry":
             return sample
         # A table whose end is at rest is a goal; one that runs dry in motion is a lost commander.
-        if path.ends_at_rest(sample.t_s):
+        if path.at_rest(path.table.at(sample.t_s + path.table.lead_s(sample.t_s))):
             path.goal_rad = sample.position_rad
             self.modes.hold(self._motion())
         else:

@@ -12,9 +12,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from rf_pointing.core import AXES, Boresight, JointReading, JointTrajectory
+from rf_pointing.core import AXES, Array, Boresight, JointReading, JointTrajectory, Pair
 from rf_pointing.core.signals import LONGEST_GAP_S
-from rf_pointing.core.types import Array, Pair
 from rf_pointing.drives import Capabilities, Drive, DriveParams, DriveReading, Rotator
 from rf_pointing.planning import PositionLimits, PositionWatch
 from rf_pointing.servo import PlantParams
@@ -98,12 +97,9 @@ class DriveHardware:
                 )
             elif self.takes_positions:
                 self._encoder_rad, self._reason = self._watch.step(
-                    rotator.reading.t_s,
-                    rotator.position_rad,
-                    rotator.set_point_rad,
-                    rotator.latency_s,
-                    rotator.reading.within_s,
-                )
+                    rotator.reading.t_s, rotator.position_rad, rotator.set_point_rad,
+                    rotator.latency_s, rotator.reading.within_s,
+                )  # fmt: skip
                 if self._encoder_rad != rotator.position_rad:
                     rotator.correct(self._encoder_rad)
             else:
@@ -223,13 +219,10 @@ class DriveAntenna(ControlUnit):
             raise ValueError(self.hardware.fault)
         self._require_able(params.loops)
         super().__init__(
-            self.hardware,
-            self._suited_loops(params.loops),
-            params.plant,
+            self.hardware, self._suited_loops(params.loops), params.plant,
             suited_safety(params.safety, drive.capabilities, params.antenna.tick_s),
-            params.antenna.tick_s,
-            self.hardware.encoders(),
-        )
+            params.antenna.tick_s, self.hardware.encoders(),
+        )  # fmt: skip
 
     def status(self, t_s: float) -> AntennaStatus:
         """Return the status at `t_s`, with what the device was sent."""

@@ -31,8 +31,7 @@ from rf_pointing.controllers import (
     load_lqg_designs,
 )
 from rf_pointing.controllers.margins import loop_margins, sampled_response
-from rf_pointing.core import AXES, Motion, Params, parameter
-from rf_pointing.core.types import Array
+from rf_pointing.core import AXES, Array, Motion, Params, parameter
 from rf_pointing.servo import PlantParams, discretise
 from rf_pointing.servo.linear_model import linear_model
 from rf_pointing.station.antenna.axis_response import AxisResponse

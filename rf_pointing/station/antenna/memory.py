@@ -9,8 +9,7 @@ import math
 import os
 from pathlib import Path
 
-from rf_pointing.core import AXES, require_choice
-from rf_pointing.core.whole_file import KeptState
+from rf_pointing.core import AXES, KeptState, require_choice
 from rf_pointing.planning import WrapCount
 from rf_pointing.station.antenna.control_unit import ControlUnit
 from rf_pointing.station.antenna.drive_antenna import DriveAntenna

@@ -10,9 +10,7 @@ import numpy as np
 
 from rf_pointing.calibration import TERMS, BiasModel
 from rf_pointing.calibration.terms import MOUNT_TERMS
-from rf_pointing.core import Boresight, Params, parameter
-from rf_pointing.core.kinematics import LEVEL, Kinematics
-from rf_pointing.core.types import Array
+from rf_pointing.core import LEVEL, Array, Boresight, Kinematics, Params, parameter
 
 RENEWAL_S = 0.5
 """Time between two steps of the inversion: a hundredth of the cost of inverting at every tick."""
@@ -26,7 +24,7 @@ MEMORY_TIMES = 20.0
 
 def _coefficient(description: str, limit: float = LIMIT_RAD) -> float:
     """Declare one coefficient, zero unless configured, within +-`limit`."""
-    declared: float = parameter(0.0, description, low=-limit, high=limit)
+    declared: float = parameter(0.0, description, -limit, limit)
     return declared
 
 

@@ -10,10 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rf_pointing.core import Boresight, PointingError
+from rf_pointing.core import LEVEL, Boresight, ComplexArray, Kinematics, PointingError
 from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
-from rf_pointing.core.kinematics import LEVEL, Kinematics
-from rf_pointing.core.types import ComplexArray
 from rf_pointing.ephemeris import TopocentricTrack
 from rf_pointing.receiver.generator import SignalGenerator
 from rf_pointing.receiver.meter import SignalMeter
@@ -39,7 +37,7 @@ class SimulatedRadio(ArrivingSignal):
 
     def __init__(
         self, params: SignalParams, radio: RadioParams, real_track: TopocentricTrack, mount: Kinematics = LEVEL
-    ) -> None:  # fmt: skip
+    ) -> None:
         super().__init__(params, real_track, mount)
         self.radio = radio
         self._generator = SignalGenerator(radio.generator)

@@ -71,28 +71,26 @@ class SignalParams(Params):
     interference: InterferenceParams = parameter(
         InterferenceParams(level_db_hz=NO_LINE_DB_HZ), "line offset from the carrier; none at the lowest level"
     )
-    dropouts_after_s: float = parameter(40.0, "time after the first reception before the first one", low=0.0, high=1e5)
-    dropouts_within_s: float = parameter(600.0, "time in which all of them fall", low=1.0, high=1e5)
+    dropouts_after_s: float = parameter(40.0, "time after the first reception before the first one", 0.0, 1e5)
+    dropouts_within_s: float = parameter(600.0, "time in which all of them fall", 1.0, 1e5)
     sign_flip_after_s: float = parameter(
-        0.0, "time after the first reception at which both differences are turned over; 0: never", low=0.0, high=1e5
+        0.0, "time after the first reception at which both differences are turned over; 0: never", 0.0, 1e5
     )
-    cluster_samples: int = parameter(5, "samples in one cluster", low=3, high=100)
-    sample_s: float = parameter(0.02, "time between two samples, that of the boresights", low=0.001, high=0.1)
-    seed: int = parameter(1, "seed of every noise source", low=0, high=2**31 - 1)
-    frequency_hz: float = parameter(8.4e9, "frequency, for the noise of bodies", low=1e6, high=1e11)
-    gain_dbi: float = parameter(68.0, "gain, for the noise of bodies", low=-10.0, high=100.0)
-    sun_flux_sfu: float = parameter(
-        0.0, "flux of the Sun here, in 1e-22 W/m^2/Hz; 0: of the quiet Sun", low=0.0, high=1e6
-    )
+    cluster_samples: int = parameter(5, "samples in one cluster", 3, 100)
+    sample_s: float = parameter(0.02, "time between two samples, that of the boresights", 0.001, 0.1)
+    seed: int = parameter(1, "seed of every noise source", 0, 2**31 - 1)
+    frequency_hz: float = parameter(8.4e9, "frequency, for the noise of bodies", 1e6, 1e11)
+    gain_dbi: float = parameter(68.0, "gain, for the noise of bodies", -10.0, 100.0)
+    sun_flux_sfu: float = parameter(0.0, "flux of the Sun here, in 1e-22 W/m^2/Hz; 0: of the quiet Sun", 0.0, 1e6)
 
 
 @dataclass(frozen=True, kw_only=True)
 class RadioParams(Params):
     """A simulated software-defined radio behind the simulated antenna."""
 
-    carrier_hz: float = parameter(8.45e9, "frequency that arrives at the radio without Doppler", low=1e5, high=4e11)
-    doppler_hz: float = parameter(8.45e9, "frequency that the satellite sends", low=1e6, high=4e11)
-    centre_hz: float = parameter(8.45e9, "frequency to which the radio is tuned", low=1e5, high=4e11)
+    carrier_hz: float = parameter(8.45e9, "frequency that arrives at the radio without Doppler", 1e5, 4e11)
+    doppler_hz: float = parameter(8.45e9, "frequency that the satellite sends", 1e6, 4e11)
+    centre_hz: float = parameter(8.45e9, "frequency to which the radio is tuned", 1e5, 4e11)
     generator: GeneratorParams = parameter(GeneratorParams(rate_hz=2.4e5), "transmitter, noise and converter")
 
 
@@ -162,9 +160,7 @@ class ArrivingSignal:
         self._first_s: float | None = None
         self._dropouts: Dropouts | None = None
         # Made once: a feed is turned over in flight, between two clusters.
-        self._feeds = (
-            MonopulseFeed(params.feed, params.beam), MonopulseFeed(_turned_over(params.feed), params.beam)
-        )  # fmt: skip
+        self._feeds = (MonopulseFeed(params.feed, params.beam), MonopulseFeed(_turned_over(params.feed), params.beam))
         self.feed = self._feeds[0]
         self._disc = DiscResponse(params.beam)
         self.elevation_rad: Array = np.zeros(0)

@@ -8,9 +8,7 @@ import math
 from dataclasses import dataclass
 
 from rf_pointing.controllers import CommandPreprocessorParams
-from rf_pointing.core import Params, parameter
-from rf_pointing.core.kinematics import Kinematics
-from rf_pointing.core.types import Array, Pair
+from rf_pointing.core import Array, Kinematics, Pair, Params, parameter
 from rf_pointing.ephemeris.solar import SolarDirection, SunParams
 from rf_pointing.planning import (
     Authority,
@@ -50,15 +48,13 @@ class SafetyParams(Params):
     kinematics: Kinematics = parameter(Kinematics(), "how the axes lie")
     sun: SunParams = parameter(SunParams(), "the Sun that the antenna does not look into")
     at_rest: SunAtRestParams = parameter(SunAtRestParams(), "the Sun that comes to it at rest")
-    park_azimuth_rad: float = parameter(0.0, "azimuth of the park position", low=-20.0, high=20.0)
-    park_elevation_rad: float = parameter(math.radians(45.0), "elevation of the park position", low=-3.2, high=3.2)
-    stow_elevation_rad: float = parameter(
-        math.radians(90.0), "elevation at which the wind does least", low=-3.2, high=3.2
-    )
+    park_azimuth_rad: float = parameter(0.0, "azimuth of the park position", -20.0, 20.0)
+    park_elevation_rad: float = parameter(math.radians(45.0), "elevation of the park position", -3.2, 3.2)
+    stow_elevation_rad: float = parameter(math.radians(90.0), "elevation at which the wind does least", -3.2, 3.2)
     unsigned_commands: bool = parameter(
         False, "whether commands without a signature of the antenna's key are taken, as of another commander"
     )
-    authority_s: float = parameter(1.0, "silence after which another may command", low=0.1, high=60.0)
+    authority_s: float = parameter(1.0, "silence after which another may command", 0.1, 60.0)
 
     def check_together(self) -> None:
         """Refuse to park or to stow below the horizon."""
@@ -94,11 +90,9 @@ class AntennaSafety:
             raise ValueError(f"elevation_min_rad={lowest:.6g} must be >= {LOWEST_RAD}")
         # One travel for gate and preprocessor, from one set of parameters.
         limits = AxisLimits(
-            azimuth_min_rad=motion.travel_min_rad[0],
-            azimuth_max_rad=motion.travel_max_rad[0],
-            elevation_min_rad=motion.travel_min_rad[1],
-            elevation_max_rad=motion.travel_max_rad[1],
-        )
+            azimuth_min_rad=motion.travel_min_rad[0], azimuth_max_rad=motion.travel_max_rad[0],
+            elevation_min_rad=motion.travel_min_rad[1], elevation_max_rad=motion.travel_max_rad[1],
+        )  # fmt: skip
         axes = AxisRates(motion.rate_limit_rad_s, motion.acceleration_limit_rad_s2)
         return Gate(self.params.gate, limits, self.params.mask, axes, self.params.kinematics)
 

@@ -38,13 +38,11 @@ FAULTS = ("none", "encoder_frozen", "encoder_jump", "encoder_spike", "encoder_li
 class SimulationParams(Params):
     """Tick, start and randomness of the simulated antenna."""
 
-    tick_s: float = parameter(0.02, "control period", low=0.001, high=0.1)
-    lag_averaging_s: float = parameter(
-        5.0, "time over which rates are averaged for the mount's lag terms", low=0.1, high=100.0
-    )
-    start_azimuth_rad: float = parameter(math.radians(120.0), "azimuth at the start", low=-20.0, high=20.0)
-    start_elevation_rad: float = parameter(math.radians(60.0), "elevation at the start", low=-3.4, high=3.4)
-    seed: int = parameter(1, "seed of every noise source", low=0, high=2**31 - 1)
+    tick_s: float = parameter(0.02, "control period", 0.001, 0.1)
+    lag_averaging_s: float = parameter(5.0, "time over which rates are averaged for the mount's lag terms", 0.1, 100.0)
+    start_azimuth_rad: float = parameter(math.radians(120.0), "azimuth at the start", -20.0, 20.0)
+    start_elevation_rad: float = parameter(math.radians(60.0), "elevation at the start", -3.4, 3.4)
+    seed: int = parameter(1, "seed of every noise source", 0, 2**31 - 1)
 
     @property
     def start_rad(self) -> Pair:

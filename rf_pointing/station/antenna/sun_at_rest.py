@@ -11,9 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rf_pointing.core import Params, parameter
-from rf_pointing.core.dates import utc_text
-from rf_pointing.core.types import Array, Pair
+from rf_pointing.core import Array, Pair, Params, parameter, utc_text
 from rf_pointing.ephemeris.solar import PATH_STEP_S, SolarDirection
 from rf_pointing.planning import Gate
 from rf_pointing.planning.forbidden_sky import EARTH_RATE_RAD_S, angle_between
@@ -35,11 +33,9 @@ class SunAtRestParams(Params):
     """Warning and escape of an antenna at rest into whose beam the Sun drifts."""
 
     escapes: bool = parameter(True, "whether it turns away by itself; false: it only warns")
-    warning_s: float = parameter(300.0, "it warns so long before", low=10.0, high=3600.0)
-    escape_s: float = parameter(60.0, "it turns away so long before", low=0.0, high=3600.0)
-    clear_s: float = parameter(
-        1800.0, "where it turns to stays clear for so long", low=60.0, high=14400.0
-    )  # fmt: skip
+    warning_s: float = parameter(300.0, "it warns so long before", 10.0, 3600.0)
+    escape_s: float = parameter(60.0, "it turns away so long before", 0.0, 3600.0)
+    clear_s: float = parameter(1800.0, "where it turns to stays clear for so long", 60.0, 14400.0)
 
     @property
     def span_s(self) -> float:

@@ -27,8 +27,7 @@ from rf_pointing.controllers.lqg import LqgWeights
 from rf_pointing.controllers.lqg_design import design_lqg, drive_of, lqg_gains
 from rf_pointing.controllers.margins import Margins, closed_radius, loop_margins, sampled_response
 from rf_pointing.controllers.position_loop import FEEDFORWARD_LAG_S
-from rf_pointing.core import AXES
-from rf_pointing.core.types import Array, ComplexArray, Pair
+from rf_pointing.core import AXES, Array, ComplexArray, Pair
 from rf_pointing.identification import StateSpace
 from rf_pointing.servo import PlantParams, WindParams, wind_torque_n_m
 from rf_pointing.station.antenna.axis_response import AS_KNOWN, AxisResponse, Variation, davenport_psd, frequency_grid

@@ -15,8 +15,7 @@ from typing import Any
 
 from rf_pointing import __version__, calibration
 from rf_pointing.calibration import AcceptanceRules, FitResult, ModelVersion, ObservationJournal, PassPriors, SectorRule
-from rf_pointing.core import MDEG, JointReading, Params, PointingError, parameter
-from rf_pointing.core.kinematics import LEVEL, Kinematics
+from rf_pointing.core import LEVEL, MDEG, JointReading, Kinematics, Params, PointingError, parameter
 from rf_pointing.station.campaign.log import CalibrationLog
 from rf_pointing.station.campaign.model_keeper import ModelKeeper, campaign_folder
 from rf_pointing.station.pointing.status import Level, Report
@@ -37,19 +36,17 @@ class CalibratorParams(Params):
     model_file: str = parameter("", "model in force before one is accepted; empty: no correction")
     station: str = parameter("Goldstone DSS-13", "station that the model must belong to")
     band: str = parameter("X", "band that the model must belong to")
-    spacing_s: float = parameter(1.0, "time between two observations", low=0.1, high=600.0)
+    spacing_s: float = parameter(1.0, "time between two observations", 0.1, 600.0)
     scan_spacing_s: float = parameter(
-        8.0, "the same while the beam scans: estimates from the same window differ little", low=0.1, high=600.0
+        8.0, "the same while the beam scans: estimates from the same window differ little", 0.1, 600.0
     )
     sigma_rad: float = parameter(
-        2.0 * MDEG, "standard deviation of one observation on the sky, added to the sensor's own", low=1e-7, high=0.1
+        2.0 * MDEG, "standard deviation of one observation on the sky, added to the sensor's own", 1e-7, 0.1
     )
     largest_error_rad: float = parameter(
-        6.0 * MDEG, "sensed error above which nothing is observed: a tenth of a beamwidth", low=1e-7, high=0.1
+        6.0 * MDEG, "sensed error above which nothing is observed: a tenth of a beamwidth", 1e-7, 0.1
     )
-    settle_s: float = parameter(
-        0.0, "time with a valid sensor before the first observation of a pass", low=0.0, high=600.0
-    )
+    settle_s: float = parameter(0.0, "time with a valid sensor before the first observation of a pass", 0.0, 600.0)
 
 
 def journal_of(folder: str, station: str, band: str, mount: Kinematics = LEVEL) -> ObservationJournal:

@@ -74,18 +74,10 @@ class CalibrationLog:
     """
 
     def __init__(
-        self,
-        station: str,
-        band: str,
-        spacing_s: float,
-        sigma_rad: float,
-        *,
-        scan_spacing_s: float = 0.0,
-        largest_error_rad: float = math.inf,
-        settle_s: float = 0.0,
-        journal: ObservationJournal | None = None,
-        mount: Kinematics = LEVEL,
-    ) -> None:
+        self, station: str, band: str, spacing_s: float, sigma_rad: float, *,
+        scan_spacing_s: float = 0.0, largest_error_rad: float = math.inf, settle_s: float = 0.0,
+        journal: ObservationJournal | None = None, mount: Kinematics = LEVEL,
+    ) -> None:  # fmt: skip
         self.station, self.band, self.mount = station, band, mount
         self._spacing_s, self._scan_spacing_s = spacing_s, max(scan_spacing_s, spacing_s)
         self._sigma_rad, self._journal = sigma_rad, journal
@@ -156,7 +148,9 @@ class CalibrationLog:
         """
         position, reason = self._position(error)
         if position is None or not self._settled(error):
-            self._note(reason or self._unsettled)
+            near = f"target more than {self._largest_error_rad / MDEG:.3g} mdeg from the beam"
+            long = f"less than {self._settle_s:g} s on the target"
+            self._note(reason or (near if self._sensed_since_s is None else long))
             return None
         spacing_s = self._scan_spacing_s if scans(error.sensor) else self._spacing_s
         if 0.0 <= error.t_s - self._last_s < spacing_s:
@@ -224,13 +218,9 @@ class CalibrationLog:
         self._pass, self._last_s, self._new_pass = -1, -math.inf, True
 
     def fit(
-        self,
-        present: BiasModel,
-        *,
-        terms: tuple[str, ...] = (),
-        pass_priors: PassPriors | None = None,
-        form: str = "rotation",
-    ) -> FitResult:
+        self, present: BiasModel, *, terms: tuple[str, ...] = (),
+        pass_priors: PassPriors | None = None, form: str = "rotation",
+    ) -> FitResult:  # fmt: skip
         """Return the fit of `terms` (empty: those of `present`), the others held at its values.
 
         Terms are held near the present model where the passes cannot tell.  Raises ValueError for
@@ -293,12 +283,6 @@ class CalibrationLog:
         # The error is stamped in the middle of its integration, the encoders when they were read.
         return joints.position_rad + (error.t_s - joints.t_s) * joints.velocity_rad_s, ""
 
-    @property
-    def _unsettled(self) -> str:
-        if self._sensed_since_s is None:
-            return f"target more than {self._largest_error_rad / MDEG:.3g} mdeg from the beam"
-        return f"less than {self._settle_s:g} s on the target"
-
     def _settled(self, error: PointingError) -> bool:
         """Note a valid error; return whether the beam has been near the target for long enough."""
         if self._sensed_since_s is None or not 0.0 <= error.t_s - self._sensed_s <= PASS_GAP_S:
@@ -324,20 +308,17 @@ class CalibrationLog:
         times, ranges, rates = np.array(sorted(self._ranges)).T
         sigma = np.sqrt(np.maximum(np.diag(error.covariance_rad2), 0.0) + self._sigma_rad**2)
         single = {
-            "t_s": error.t_s,
-            "observed_azimuth_rad": azimuth,
+            "t_s": error.t_s, "observed_azimuth_rad": azimuth,
             "observed_elevation_rad": position[1] + up_rad,
             "true_azimuth_rad": nearest_turn_rad(float(true.position[0, 0]), azimuth),
-            "true_elevation_rad": elevation,
-            "azimuth_rate_rad_s": true.velocity[0, 0],
+            "true_elevation_rad": elevation, "azimuth_rate_rad_s": true.velocity[0, 0],
             "elevation_rate_rad_s": true.velocity[0, 1],
             "azimuth_acceleration_rad_s2": true.acceleration[0, 0],
             "elevation_acceleration_rad_s2": true.acceleration[0, 1],
-            "sigma_azimuth_rad": sigma[0] / cosine,
-            "sigma_elevation_rad": sigma[1],
+            "sigma_azimuth_rad": sigma[0] / cosine, "sigma_elevation_rad": sigma[1],
             "range_m": np.interp(error.t_s, times, ranges),
             "range_rate_m_s": np.interp(error.t_s, times, rates),
-        }
+        }  # fmt: skip
         columns: dict[str, Any] = {name: np.array([value]) for name, value in single.items()}
         return Observations(
             station=self.station, band=self.band, mount=self.mount, pass_id=np.array([pass_id]), **columns

@@ -18,8 +18,7 @@ from rf_pointing.calibration import (
     Observations,
     Verdict,
 )
-from rf_pointing.core import MDEG
-from rf_pointing.core.kinematics import LEVEL, Kinematics
+from rf_pointing.core import LEVEL, MDEG, Kinematics
 
 
 def campaign_folder(folder: str | Path, station: str, band: str) -> Path:
@@ -35,14 +34,9 @@ class ModelKeeper:
     """
 
     def __init__(
-        self,
-        station: str,
-        band: str,
-        folder: str,
-        start: ModelVersion | None,
-        rules: AcceptanceRules,
-        mount: Kinematics = LEVEL,
-    ) -> None:
+        self, station: str, band: str, folder: str, start: ModelVersion | None,
+        rules: AcceptanceRules, mount: Kinematics = LEVEL,
+    ) -> None:  # fmt: skip
         self._station, self._band, self.rules = station, band, rules
         self._store = ModelStore(campaign_folder(folder, station, band) / "models", station, band) if folder else None
         self._start, self._mount = start, mount

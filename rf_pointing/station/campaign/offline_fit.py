@@ -33,12 +33,8 @@ from rf_pointing.calibration.outlying_passes import MEASURABLE_FROM
 from rf_pointing.calibration.pass_errors import SharedErrors, seen_from
 from rf_pointing.calibration.systematic_errors import SystematicError, WrongDataError
 from rf_pointing.calibration.terms import names_of
-from rf_pointing.core import MDEG
-from rf_pointing.core.dates import DAY_S
-from rf_pointing.core.kinematics import LEVEL, Kinematics
-from rf_pointing.core.refraction import RadioRefraction
-from rf_pointing.ephemeris import Elements, Site, find_elements
-from rf_pointing.ephemeris.uncertainty import ElementUncertainty
+from rf_pointing.core import DAY_S, LEVEL, MDEG, Kinematics, RadioRefraction
+from rf_pointing.ephemeris import Elements, ElementUncertainty, Site, find_elements
 from rf_pointing.station.campaign.log import priors_near
 from rf_pointing.station.campaign.wrong_causes import cause_of
 
@@ -433,15 +429,10 @@ class OfflineFit:
         return replace(result, covariance=result.covariance * np.outer(chosen.widening, chosen.widening)), chosen.kept
 
     def _fit_of(
-        self,
-        points: Observations,
-        names: tuple[str, ...],
-        orbit: PassPriors | None,
-        start: FitResult | None = None,
-        shared: SharedErrors | None = None,
-        *,
+        self, points: Observations, names: tuple[str, ...], orbit: PassPriors | None,
+        start: FitResult | None = None, shared: SharedErrors | None = None, *,
         edit_sigma: float = 3.0,
-    ) -> FitResult:
+    ) -> FitResult:  # fmt: skip
         """Return the fit of `names`.
 
         A term that was offered and not chosen is zero; one not offered keeps its known value.

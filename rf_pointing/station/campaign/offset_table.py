@@ -19,11 +19,7 @@ from typing import Literal
 import numpy as np
 
 from rf_pointing.calibration import Observations
-from rf_pointing.core.checks import is_number
-from rf_pointing.core.dates import parse_utc
-from rf_pointing.core.refraction import RadioRefraction
-from rf_pointing.core.types import Array
-from rf_pointing.core.whole_file import DATA_BYTES, read_whole
+from rf_pointing.core import DATA_BYTES, Array, RadioRefraction, is_number, parse_utc, read_whole
 from rf_pointing.ephemeris import Elements, Site, TargetSource, TopocentricTrack, find_elements
 from rf_pointing.ephemeris.source import body_of
 
@@ -45,15 +41,10 @@ def holds_offsets(path: Path) -> bool:
 
 
 def read_offsets(
-    path: Path,
-    station: str,
-    band: str,
-    site: Site,
-    beamwidth_rad: float,
-    elements: Sequence[Elements],
-    max_age_s: float,
+    path: Path, station: str, band: str, site: Site, beamwidth_rad: float,
+    elements: Sequence[Elements], max_age_s: float,
     refraction: RadioRefraction | Literal["standard"] | None = "standard",
-) -> Observations:
+) -> Observations:  # fmt: skip
     """Return the rows as calibration points, each a pass of its own; ValueError names the line."""
     lines = read_whole(path, DATA_BYTES, "utf-8-sig").splitlines()
     header = _header(path)

@@ -13,10 +13,8 @@ import numpy as np
 
 from rf_pointing.calibration import CandidatePass, ReferenceTrack
 from rf_pointing.calibration.reference import COLUMNS
-from rf_pointing.core import MDEG, Params, parameter
+from rf_pointing.core import LEVEL, MDEG, Kinematics, Pair, Params, RadioRefraction, parameter
 from rf_pointing.core.constants import EARTH_MU_M3_S2, EARTH_RADIUS_M
-from rf_pointing.core.kinematics import LEVEL, Kinematics
-from rf_pointing.core.refraction import RadioRefraction
 from rf_pointing.ephemeris import Elements, Pass, Site, TopocentricTrack, find_passes
 
 # The pass is followed from lower than its points: the search needs time before the first one.
@@ -27,35 +25,26 @@ LEAST_MASK_RAD = math.radians(1.0)
 class ArcRules(Params):
     """How passes are cut into candidates."""
 
-    arcs_s: tuple[float, ...] = parameter((), "lengths of candidates; none: whole passes", low=1.0, high=1e5)
-    every_s: float = parameter(20.0, "time between the starts of two candidates of a pass", low=1.0, high=3600.0)
-    spacing_s: float = parameter(1.0, "time between two points", low=0.1, high=600.0)
-    lowest_rad: float = parameter(math.radians(10.0), "lowest elevation of a candidate", low=0.0, high=1.5)
-    highest_rad: float = parameter(math.radians(89.0), "highest elevation of a candidate", low=0.1, high=1.5707)
-    sigma_rad: float = parameter(2.0 * MDEG, "standard deviation of one point on the sky", low=1e-7, high=0.1)
+    arcs_s: tuple[float, ...] = parameter((), "lengths of candidates; none: whole passes", 1.0, 1e5)
+    every_s: float = parameter(20.0, "time between the starts of two candidates of a pass", 1.0, 3600.0)
+    spacing_s: float = parameter(1.0, "time between two points", 0.1, 600.0)
+    lowest_rad: float = parameter(math.radians(10.0), "lowest elevation of a candidate", 0.0, 1.5)
+    highest_rad: float = parameter(math.radians(89.0), "highest elevation of a candidate", 0.1, 1.5707)
+    sigma_rad: float = parameter(2.0 * MDEG, "standard deviation of one point on the sky", 1e-7, 0.1)
     fastest_rad_s: float = parameter(
-        math.radians(1.5),
-        "pieces with a higher azimuth rate are left out: the antenna would not follow",
-        low=1e-5,
-        high=10.0,
+        math.radians(1.5), "pieces with a higher azimuth rate are left out: the antenna would not follow", 1e-5, 10.0
     )
     travel_rad: tuple[float, ...] = parameter(
         (), "ends of the lower and of the upper axis, outside of which pieces are left out; none: unlimited",
-        low=-20.0, high=20.0,
+        -20.0, 20.0,
     )  # fmt: skip
-    lead_s: float = parameter(
-        0.0, "time before the first point, in which the azimuth rate counts too", low=0.0, high=600.0
-    )
+    lead_s: float = parameter(0.0, "time before the first point, in which the azimuth rate counts too", 0.0, 600.0)
 
 
 def candidate_arcs(
-    elements: Sequence[Elements],
-    site: Site,
-    start_t_s: float,
-    duration_s: float,
-    rules: ArcRules,
+    elements: Sequence[Elements], site: Site, start_t_s: float, duration_s: float, rules: ArcRules,
     mount: Kinematics = LEVEL,
-) -> tuple[list[CandidatePass], list[str]]:
+) -> tuple[list[CandidatePass], list[str]]:  # fmt: skip
     """Return every candidate, named after its satellite, and the reasons of what is left out."""
     found: list[CandidatePass] = []
     left_out: list[str] = []
@@ -111,25 +100,17 @@ def beacons(epoch_t_s: float) -> list[Elements]:
     ]
     return [
         Elements(
-            name=f"BEACON {number:03d}",
-            catalogue_number=90000 + number,
-            epoch_t_s=epoch_t_s,
-            inclination_rad=math.radians(50.0),
-            ascending_node_rad=node,
-            eccentricity=0.001,
-            argument_of_perigee_rad=0.0,
-            mean_anomaly_rad=anomaly,
+            name=f"BEACON {number:03d}", catalogue_number=90000 + number, epoch_t_s=epoch_t_s,
+            inclination_rad=math.radians(50.0), ascending_node_rad=node, eccentricity=0.001,
+            argument_of_perigee_rad=0.0, mean_anomaly_rad=anomaly,
             mean_motion_rad_s=math.sqrt(EARTH_MU_M3_S2 / (EARTH_RADIUS_M + height_m) ** 3),
-            drag_per_earth_radius=0.0,
-            international_designator="06001A",
+            drag_per_earth_radius=0.0, international_designator="06001A",
         )
         for number, (height_m, node, anomaly) in enumerate(orbits, start=1)
-    ]
+    ]  # fmt: skip
 
 
-def _visible(
-    track: TopocentricTrack, start_t_s: float, duration_s: float, rules: ArcRules
-) -> list[tuple[float, float]]:
+def _visible(track: TopocentricTrack, start_t_s: float, duration_s: float, rules: ArcRules) -> list[Pair]:
     """Return the stretches above the lowest elevation, without what is above the highest."""
     step_s = min(rules.every_s, 30.0)
     t_s = start_t_s + step_s * np.arange(int(duration_s / step_s) + 1, dtype=np.float64)
@@ -139,7 +120,7 @@ def _visible(
     return [(float(t_s[a]), float(t_s[b - 1])) for a, b in edges.reshape(-1, 2) if b - 1 > a]
 
 
-def _cut(begin: float, end: float, rules: ArcRules) -> list[tuple[float, float]]:
+def _cut(begin: float, end: float, rules: ArcRules) -> list[Pair]:
     if not rules.arcs_s:
         return [(begin, end)]
     starts = np.arange(begin, end, rules.every_s).tolist()

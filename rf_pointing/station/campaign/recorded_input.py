@@ -17,9 +17,7 @@ from rf_pointing.calibration import (
     require_derivatives,
     split_passes,
 )
-from rf_pointing.core.kinematics import LEVEL, Kinematics
-from rf_pointing.core.refraction import RadioRefraction
-from rf_pointing.core.whole_file import JOURNAL_BYTES, read_whole
+from rf_pointing.core import JOURNAL_BYTES, LEVEL, Kinematics, RadioRefraction, read_whole
 from rf_pointing.ephemeris import Elements, Site, TopocentricTrack, find_elements
 
 REFERENCE_STEP_S = 2.0
@@ -59,13 +57,10 @@ def read_raw(path: Path, band: str, mount: Kinematics = LEVEL) -> list[RawTracki
 
 
 def reference_of(
-    raw: RawTracking,
-    elements: Sequence[Elements],
-    site: Site,
-    max_age_s: float,
+    raw: RawTracking, elements: Sequence[Elements], site: Site, max_age_s: float,
     refraction: RadioRefraction | Literal["standard"] | None = "standard",
     mount: Kinematics = LEVEL,
-) -> ReferenceTrack:
+) -> ReferenceTrack:  # fmt: skip
     """Return the apparent motion of the target of `raw` by its elements, over its samples.
 
     `refraction` None is right for angles from which it has been taken off.

@@ -8,7 +8,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.calibration import (
     AcceptanceRules,
@@ -21,8 +20,7 @@ from rf_pointing.calibration import (
     plan_campaign,
     read_model,
 )
-from rf_pointing.core import Params, parameter
-from rf_pointing.core.dates import utc_text
+from rf_pointing.core import IntArray, Params, parameter, utc_text
 from rf_pointing.ephemeris import Elements, Pass
 from rf_pointing.station.campaign.calibrator import journal_of
 from rf_pointing.station.campaign.log import CalibrationLog
@@ -48,13 +46,11 @@ ACQUISITION_S = 45.0
 class CampaignParams(Params):
     """How much of the sky a calibration observes, and how its model is judged."""
 
-    longest_s: float = parameter(4800.0, "length of the campaign at most", low=60.0, high=86400.0)
+    longest_s: float = parameter(4800.0, "length of the campaign at most", 60.0, 86400.0)
     fewest: int = parameter(25, "observations in each sector", low=1)
-    acceptance_passes: int = parameter(3, "passes in the shadow before a model is accepted", low=2, high=20)
-    acceptance_span_s: float = parameter(1800.0, "time in which these are found", low=60.0, high=86400.0)
-    orbit_prior_m: float = parameter(
-        5.0, "error of the orbits that the fit allows for in each pass", low=0.01, high=1e6
-    )
+    acceptance_passes: int = parameter(3, "passes in the shadow before a model is accepted", 2, 20)
+    acceptance_span_s: float = parameter(1800.0, "time in which these are found", 60.0, 86400.0)
+    orbit_prior_m: float = parameter(5.0, "error of the orbits that the fit allows for in each pass", 0.01, 1e6)
 
     def calibrator_parameters(self) -> dict[str, dict[str, float | int | str | bool]]:
         """Return the parameters of `bias_calibrator` for this campaign, by their sets."""
@@ -85,12 +81,9 @@ class CalibrationSchedule:
 
 
 def schedule_calibration(
-    station: StationDescription,
-    elements: list[Elements],
-    start_s: float,
-    params: CampaignParams,
+    station: StationDescription, elements: list[Elements], start_s: float, params: CampaignParams,
     kept: Observations | None = None,
-) -> CalibrationSchedule:
+) -> CalibrationSchedule:  # fmt: skip
     """Return the passes to track from `start_s` on, and after the last of the `kept` observations.
 
     Raises ValueError when there are too few of them.
@@ -113,14 +106,9 @@ def schedule_calibration(
 
 
 def _planned(
-    station: StationDescription,
-    elements: list[Elements],
-    begin_s: float,
-    span_s: float,
-    arcs_s: tuple[float, ...],
-    rule: SectorRule,
-    filled: NDArray[np.int64] | None = None,
-) -> Campaign:
+    station: StationDescription, elements: list[Elements], begin_s: float, span_s: float,
+    arcs_s: tuple[float, ...], rule: SectorRule, filled: IntArray | None = None,
+) -> Campaign:  # fmt: skip
     """Return the campaign of pieces within `span_s` that fills what `filled` leaves thin."""
     rules = ArcRules(
         arcs_s=arcs_s, every_s=60.0, spacing_s=SPACING_S, lowest_rad=math.radians(11.0), lead_s=ACQUISITION_S

@@ -18,10 +18,9 @@ from typing import Any, Literal
 import numpy as np
 
 from rf_pointing.calibration import TrackedPass
-from rf_pointing.core import angular_distance_rad, unit_vector_from_azel, wrap_rad
+from rf_pointing.core import Array, angular_distance_rad, unit_vector_from_azel, wrap_rad
 from rf_pointing.core.constants import EARTH_RADIUS_M
 from rf_pointing.core.refraction import RadioRefraction
-from rf_pointing.core.types import Array
 from rf_pointing.ephemeris import Elements, Site, TopocentricTrack, find_elements
 from rf_pointing.ephemeris.time_scales import TAI_MINUS_GPS_S, TT_MINUS_TAI_S, leap_seconds
 
@@ -167,7 +166,7 @@ def moved(place: Site, metres: Array) -> Site:
         latitude_rad=min(max(place.latitude_rad + north / EARTH_RADIUS_M, -0.5 * math.pi), 0.5 * math.pi),
         altitude_m=min(max(place.altitude_m + up, -500.0), 9000.0),
         longitude_rad=(longitude + math.pi) % (2.0 * math.pi) - math.pi,
-    )  # fmt: skip
+    )
 
 
 def away_m(place: Site, other: Site) -> tuple[float, float, float]:
@@ -178,11 +177,9 @@ def away_m(place: Site, other: Site) -> tuple[float, float, float]:
 
 
 def cause_of(
-    passes: Sequence[TrackedPass],
-    elements: Sequence[Elements],
-    site: Site,
+    passes: Sequence[TrackedPass], elements: Sequence[Elements], site: Site,
     refraction: RadioRefraction | Literal["standard"] | None,
-) -> str:
+) -> str:  # fmt: skip
     """Return the cause by which the samples are where they are, "" where none of those known does.
 
     Passes of targets that `elements` do not have judge nothing.

@@ -22,8 +22,7 @@ from email.utils import getaddresses
 from pathlib import Path
 from urllib.parse import urlsplit
 
-from rf_pointing.core import Params, parameter
-from rf_pointing.core.whole_file import read_whole
+from rf_pointing.core import Params, parameter, read_whole
 from rf_pointing.station.pointing.status import Level, Report
 
 TRIES = 3
@@ -51,7 +50,7 @@ class HookParams(Params):
     mail_tls: str = parameter("none", "encryption of the way to the SMTP server", choices=TLS)
     mail_user: str = parameter("", "user of the SMTP server; empty: no login")
     mail_password_file: str = parameter("", "file with that password, readable by its owner alone")
-    retry_s: float = parameter(5.0, "time between two tries to send", low=0.1, high=600.0)
+    retry_s: float = parameter(5.0, "time between two tries to send", 0.1, 600.0)
 
     def check_together(self) -> None:
         """Refuse what could never be sent: a host, an address or a login that cannot be."""

@@ -14,10 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from rf_pointing.core import Params, leaves, parameter, with_leaves
-from rf_pointing.core.checks import one_of
-from rf_pointing.core.dates import utc_text
-from rf_pointing.core.kinematics import LEVEL
+from rf_pointing.core import LEVEL, Params, leaves, one_of, parameter, utc_text, with_leaves
 from rf_pointing.core.whole_file import read_whole
 from rf_pointing.ephemeris.solar import SolarDirection, SunParams
 from rf_pointing.ephemeris.target_offsets import TargetOffsets
@@ -91,12 +88,12 @@ class PageParams(Params):
     """Where the page is, and who may command."""
 
     address: str = parameter("127.0.0.1", "address to bind to; any but loopback needs token_file")
-    port: int = parameter(8080, "TCP port; 0: any that is free", low=0, high=65535)
+    port: int = parameter(8080, "TCP port; 0: any that is free", 0, 65535)
     hosts: str = parameter("", "further host names under which the page is reached, separated by commas")
     token_file: str = parameter("", "file (mode 600) with the token of commands; empty: one is made for this user")
     reports: str = parameter("runs", "folder whose reports are offered; empty: none")
-    rate_hz: float = parameter(6.0, "how often what moves is sent to the viewers", low=1.0, high=20.0)
-    viewers: int = parameter(50, "viewers at one time", low=1, high=1000)
+    rate_hz: float = parameter(6.0, "how often what moves is sent to the viewers", 1.0, 20.0)
+    viewers: int = parameter(50, "viewers at one time", 1, 1000)
     antennas: str = parameter(
         "", "namespaces shown, separated by commas; all: every antenna that is found; empty: that of the node"
     )

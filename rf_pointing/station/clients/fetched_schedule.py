@@ -14,8 +14,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urljoin, urlsplit
 
-from rf_pointing.core.dates import DAY_S, utc_text
-from rf_pointing.core.whole_file import DATA_BYTES, KeptState, parse_json, read_whole
+from rf_pointing.core import DATA_BYTES, DAY_S, KeptState, parse_json, read_whole, utc_text
 from rf_pointing.ephemeris.fetching import Contents, Outcome, Question, Record, send
 from rf_pointing.operations.pass_list import read_passes
 from rf_pointing.operations.schedule import ScheduledPass

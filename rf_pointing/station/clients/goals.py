@@ -11,10 +11,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 from rf_pointing.calibration import BiasModel
-from rf_pointing.core import JointReading, JointTrajectory
-from rf_pointing.core.dates import utc_text
-from rf_pointing.core.pass_outcome import SCANNED
-from rf_pointing.core.signals import DESIGNATED
+from rf_pointing.core import DESIGNATED, SCANNED, JointReading, JointTrajectory, utc_text
 from rf_pointing.ephemeris import Pass
 from rf_pointing.planning import Certificate
 from rf_pointing.station.pointing.certificates import StoreParams, store_certificate
@@ -457,15 +454,12 @@ class PassGoals:
         core, state = self.controller, self.controller.state
         learned = core.corrections.filter.state
         values: dict[str, object] = {
-            "mode": state.mode,
-            "reason": state.reason,
-            "false_locks": core.carrier.faults,
+            "mode": state.mode, "reason": state.reason, "false_locks": core.carrier.faults,
             "last_false_lock": core.carrier.last_fault,
             "along_track_s": round(float(learned.mean[0]), 5),
-            "cross_track_m": round(float(learned.mean[1]), 2),
-            "trim_used": learned.used,
+            "cross_track_m": round(float(learned.mean[1]), 2), "trim_used": learned.used,
             "trim_refused": learned.refused,
-        }
+        }  # fmt: skip
         level, alarm = self._alarm
         causes = (
             (Level(level), alarm), (Level.WARN, self._no_temperature), (Level.ERROR, self._refusal),

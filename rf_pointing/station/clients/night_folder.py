@@ -11,8 +11,7 @@ from itertools import count
 from pathlib import Path
 from typing import Any, Protocol
 
-from rf_pointing.core.dates import utc_text
-from rf_pointing.core.whole_file import write_whole
+from rf_pointing.core import utc_text, write_whole
 from rf_pointing.operations import JournalEntry
 from rf_pointing.operations.pass_work import VERDICT, PassRecord
 

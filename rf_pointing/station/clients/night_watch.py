@@ -11,8 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from rf_pointing.core import Params, parameter, require_choice
-from rf_pointing.core.whole_file import KeptState
+from rf_pointing.core import KeptState, Params, parameter, require_choice
 from rf_pointing.operations import AlarmParams, BetweenParams
 from rf_pointing.operations.dictionary import read_tables
 from rf_pointing.operations.executor import block_text
@@ -192,7 +191,7 @@ class NightWatch:
         if not self.night.finished or before == NightState.IDLE:
             return False
         self.folder.end_record()
-        self._report = self.folder.write_morning(t_s, self._write_morning)
+        self._report = self.folder.write_morning(t_s, lambda folder: self._write_report(folder, self.alarms.healths))
         if self._report:
             self._tell(f"morning report {Path(self._report) / 'night.html'}", True)
         return True
@@ -213,9 +212,6 @@ class NightWatch:
             self.folder.refine(mine, Path(self._own.refine).expanduser().resolve(), further)
         except OSError as error:
             self._tell(f"elements of {name} not refined: {error}", False)
-
-    def _write_morning(self, folder: Path) -> None:
-        self._write_report(folder, self.alarms.healths)
 
     def _responded(self, number: int, accepted: bool, text: str, answer: Any = None) -> None:
         # A selection is answered with passes, which have the name of a target known by its number.

@@ -56,11 +56,6 @@ class PacedStream:
         self.newest_s = stamp_s if self.newest_s is None else max(self.newest_s, stamp_s)
         self.waited_for, self.waiting_since_s = not sparse, None
 
-    def give_up(self) -> None:
-        """Wait for it no longer, until its next message."""
-        self.waited_for, self.waiting_since_s = False, None
-        self.abandoned += 1
-
 
 @dataclass
 class Pacer:
@@ -131,7 +126,9 @@ class Pacer:
         left_s = stream.waiting_since_s + patience_s - wall_s
         if left_s > 0.0:
             return left_s
-        stream.give_up()
+        # No longer, until its next message.
+        stream.waited_for, stream.waiting_since_s = False, None
+        stream.abandoned += 1
         return 0.0
 
 
@@ -139,9 +136,9 @@ class Pacer:
 class ClockParams(Params):
     """Simulation time."""
 
-    start_s: float = parameter(0.0, "UTC seconds since 1970 at which time starts; 0: now", low=0.0, high=4.0e9)
-    speed: float = parameter(1.0, "simulated seconds per second; 0: as fast as the graph follows", low=0.0, high=1e4)
-    tick_s: float = parameter(0.02, "step of simulation time", low=0.001, high=1.0)
+    start_s: float = parameter(0.0, "UTC seconds since 1970 at which time starts; 0: now", 0.0, 4.0e9)
+    speed: float = parameter(1.0, "simulated seconds per second; 0: as fast as the graph follows", 0.0, 1e4)
+    tick_s: float = parameter(0.02, "step of simulation time", 0.001, 1.0)
     errors_in_time: bool = parameter(
         True, "whether time waits for pointing_error; not behind a real receiver: it measures later"
     )

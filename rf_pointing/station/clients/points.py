@@ -31,10 +31,8 @@ from rf_pointing.core import (
     unit_vector_from_azel,
 )
 from rf_pointing.core.types import TURN, Array, Pair
-from rf_pointing.ephemeris import CatalogueSky, Site
+from rf_pointing.ephemeris import CatalogueSky, Site, StateVector, load_catalogue
 from rf_pointing.ephemeris.look_angles import angles_and_rates
-from rf_pointing.ephemeris.source import load_catalogue
-from rf_pointing.ephemeris.state_vector import StateVector
 from rf_pointing.planning import AxisLimits, HorizonMask, choose_turns
 from rf_pointing.station.pointing.params import ControllerParams
 from rf_pointing.station.pointing.prediction import axis_motion
@@ -54,15 +52,15 @@ _DISTANCE = 1e6
 class FollowParams(Params):
     """When points are a motion, and how long it goes on without new ones."""
 
-    window_s: float = parameter(8.0, "the motion is fitted to the points of so long", low=2.0, high=60.0)
-    interval_s: float = parameter(3.0, "points farther apart than this are places, each held", low=0.2, high=30.0)
-    coast_s: float = parameter(3.0, "the motion goes on for so long after the last point", low=0.5, high=30.0)
+    window_s: float = parameter(8.0, "the motion is fitted to the points of so long", 2.0, 60.0)
+    interval_s: float = parameter(3.0, "points farther apart than this are places, each held", 0.2, 30.0)
+    coast_s: float = parameter(3.0, "the motion goes on for so long after the last point", 0.5, 30.0)
     jump_rad: float = parameter(
-        math.radians(5.0), "a point this far from what was expected begins a new motion", low=0.001, high=1.0
+        math.radians(5.0), "a point this far from what was expected begins a new motion", 0.001, 1.0
     )
-    blend_s: float = parameter(0.8, "the change by a new point is spread over", low=0.0, high=5.0)
+    blend_s: float = parameter(0.8, "the change by a new point is spread over", 0.0, 5.0)
     clear_rad: float = parameter(
-        math.radians(0.1), "points are raised to this far above horizon and least elevation", low=0.0, high=0.2
+        math.radians(0.1), "points are raised to this far above horizon and least elevation", 0.0, 0.2
     )
 
 
@@ -70,17 +68,16 @@ class FollowParams(Params):
 class MatchParams(Params):
     """When points are a known satellite."""
 
-    points: int = parameter(4, "points that must lie on its track", low=3, high=30)
+    points: int = parameter(4, "points that must lie on its track", 3, 30)
     tolerance_rad: float = parameter(
-        math.radians(0.4), "distance of each from the track; a client may leave out refraction", low=1e-4, high=0.1
+        math.radians(0.4), "distance of each from the track; a client may leave out refraction", 1e-4, 0.1
     )
-    motion_rad: float = parameter(math.radians(1.0), "way that the points must have made", low=1e-3, high=1.0)
+    motion_rad: float = parameter(math.radians(1.0), "way that the points must have made", 1e-3, 1.0)
     threshold_rad: float = parameter(
-        math.radians(5.5), "how far from the satellite, along its track, a client's threshold lets it point",
-        low=1e-3, high=0.5,
-    )  # fmt: skip
-    lead_s: float = parameter(60.0, "longest time that a client points ahead", low=0.0, high=300.0)
-    silence_s: float = parameter(30.0, "a pass ends when its client has sent nothing for so long", low=2.0, high=600.0)
+        math.radians(5.5), "how far from the satellite, along its track, a client's threshold lets it point", 1e-3, 0.5
+    )
+    lead_s: float = parameter(60.0, "longest time that a client points ahead", 0.0, 300.0)
+    silence_s: float = parameter(30.0, "a pass ends when its client has sent nothing for so long", 2.0, 600.0)
 
 
 class ClientPoints:

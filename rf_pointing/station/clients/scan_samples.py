@@ -8,9 +8,8 @@ import math
 
 import numpy as np
 
-from rf_pointing.core import CarrierPower, JointReading, Mode, PointingError, sky_offset_rad
+from rf_pointing.core import Array, CarrierPower, JointReading, Mode, PointingError, sky_offset_rad
 from rf_pointing.core.signals import TimeBuffer
-from rf_pointing.core.types import Array
 from rf_pointing.radiometry.scan_fit import Samples
 
 # Powers that wait at most: a stream that never comes must not let them grow.

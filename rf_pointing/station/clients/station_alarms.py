@@ -13,8 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from rf_pointing.core import AXES, Params, parameter
-from rf_pointing.core.dates import utc_text
+from rf_pointing.core import AXES, Params, parameter, utc_text
 from rf_pointing.ephemeris.solar import SolarDirection
 from rf_pointing.operations import AlarmParams
 from rf_pointing.operations.alarms import Alarm

@@ -3,12 +3,8 @@
 import math
 from typing import TYPE_CHECKING, Any
 
-from rf_pointing.core.derived import Rows, Value, rounded, tuned
-from rf_pointing.core.kinematics import Kinematics
+from rf_pointing.core import AXES, Kinematics, Pair, Rows, Value, flat, leaves, rounded, tuned
 from rf_pointing.core.mount_types import LOWER_AXES
-from rf_pointing.core.parameters import flat, leaves
-from rf_pointing.core.signals import AXES
-from rf_pointing.core.types import Pair
 from rf_pointing.station.derive.band import AXIS_KEYS, Band, nearest_within, site_of
 from rf_pointing.station.description.content import Content
 

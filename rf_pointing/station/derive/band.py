@@ -12,10 +12,8 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from rf_pointing.core.derived import Rows, Value, rounded
-from rf_pointing.core.mount_types import AZIMUTH_ELEVATION
+from rf_pointing.core import AZIMUTH_ELEVATION, Pair, Rows, Value, rounded
 from rf_pointing.core.parameters import Params, flat, leaves, with_leaves
-from rf_pointing.core.types import Pair
 from rf_pointing.planning.horizon import HorizonMask
 from rf_pointing.station.description.content import AxisSection, BandSection, Content
 

@@ -2,8 +2,7 @@
 
 import math
 
-from rf_pointing.core.angles import MDEG
-from rf_pointing.core.derived import Rows, Value, rounded, tuned
+from rf_pointing.core import MDEG, Rows, Value, rounded, tuned
 from rf_pointing.core.parameters import flat
 from rf_pointing.station.derive import axes
 from rf_pointing.station.derive.band import REFERENCE_M, Band

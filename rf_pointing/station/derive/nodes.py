@@ -7,8 +7,7 @@ memory than it needs.
 from collections.abc import Callable, Mapping
 from functools import cache
 
-from rf_pointing.core.derived import Rows, Value, rounded, tuned
-from rf_pointing.core.modes import Sensor
+from rf_pointing.core import Rows, Sensor, Value, rounded, tuned
 from rf_pointing.planning.horizon import HorizonMask
 from rf_pointing.station import parameters as own
 from rf_pointing.station.derive.band import Band, Derived, pass_elevation_deg
@@ -76,25 +75,17 @@ def pointing_controller(of: Band) -> Derived:
 
     rows = {
         "pointing": {**loop.pointing(of), "lag_averaging_s": axes.lag_averaging(of)},
-        "axes": watches.antenna_watch(of),
-        "limits": axes.limits(of),
-        "autotrack": array.thresholds(of),
-        "integrator": loop.integrator(of),
+        "axes": watches.antenna_watch(of), "limits": axes.limits(of),
+        "autotrack": array.thresholds(of), "integrator": loop.integrator(of),
         "spiral": spiral_of_band(of),
         "machine": {
             **axes.commanded(of), **axes.fixed_elevation(of), "half_power_beamwidth_deg": of.width,
             "sun_radius_deg": axes.sun_radius(of),
         },
-        "mask": axes.mask(of),
-        "kinematics": axes.kinematics(of),
-        **scans_of_band(of),
-        "calibration": {"half_power_beamwidth_deg": of.width},
-        "trim": loop.trim(of),
-        "watch": loop.lock_watch(of),
-        "link": link(of),
-        "array": array.array(of),
-        "gate": axes.gate(of),
-        "sun": axes.sun(of),
+        "mask": axes.mask(of), "kinematics": axes.kinematics(of), **scans_of_band(of),
+        "calibration": {"half_power_beamwidth_deg": of.width}, "trim": loop.trim(of),
+        "watch": loop.lock_watch(of), "link": link(of), "array": array.array(of),
+        "gate": axes.gate(of), "sun": axes.sun(of),
     }  # fmt: skip
     # What remains a ROS parameter: the timing of the node, and the sensor of a pass.
     timing = ("pointing.period_s", "pointing.transport_s", "pointing.horizon_s", "pointing.error_age_s")
@@ -204,9 +195,7 @@ def station_executive(_: Band) -> Derived:
     from rf_pointing.station.clients.alarm_hooks import HookParams
     from rf_pointing.station.clients.night_watch import ExecutiveParams
 
-    sets = {
-        "between": BetweenParams(), "alarms": AlarmParams(), "executive": ExecutiveParams(), "hooks": HookParams(),
-    }  # fmt: skip
+    sets = {"between": BetweenParams(), "alarms": AlarmParams(), "executive": ExecutiveParams(), "hooks": HookParams()}
     return Derived(sets, own=("executive.",), root=KEY, either=("hooks.",))
 
 

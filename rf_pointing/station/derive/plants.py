@@ -20,8 +20,7 @@ from dataclasses import dataclass
 
 from rf_pointing.controllers import PositionLoopParams, dss13_loops
 from rf_pointing.controllers.position_loop import FEEDFORWARD_LAG_S
-from rf_pointing.core import AXES, leaves
-from rf_pointing.core.derived import Rows, Value, tuned
+from rf_pointing.core import AXES, Rows, Value, leaves, tuned
 from rf_pointing.servo import AxisParams, PlantParams, dss13_plant
 from rf_pointing.station.antenna.loops import closed_loop_pole
 from rf_pointing.station.derive.axes import preprocessor
@@ -188,12 +187,9 @@ def _stiff(lag_s: float, axis: AxisParams) -> PositionLoopParams:
     """
     gain = min(0.2 / lag_s, 0.05 * axis.rate_limit_rad_s * 2**axis.encoder_bits / (2.0 * math.pi))
     return PositionLoopParams(
-        proportional_gain=gain,
-        integral_gain=0.25 * gain**2,
-        feedforward_lead_s=lag_s + FEEDFORWARD_LAG_S,
-        notch_enabled=False,
-        drive_lag_s=lag_s,
-    )
+        proportional_gain=gain, integral_gain=0.25 * gain**2,
+        feedforward_lead_s=lag_s + FEEDFORWARD_LAG_S, notch_enabled=False, drive_lag_s=lag_s,
+    )  # fmt: skip
 
 
 def _first(loop: PositionLoopParams, lag_s: float, axis: AxisParams) -> PositionLoopParams:

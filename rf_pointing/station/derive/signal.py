@@ -4,8 +4,7 @@ import math
 
 import numpy as np
 
-from rf_pointing.core.derived import Rows, Value, rounded, tuned
-from rf_pointing.core.parameters import flat, leaves, with_leaves
+from rf_pointing.core import Rows, Value, flat, leaves, rounded, tuned, with_leaves
 from rf_pointing.receiver.params import OUTLET_FORMATS as FORMATS
 from rf_pointing.receiver.params import SignalReceiverParams
 from rf_pointing.rf.budget import gain_of_beam_dbi, zenith_level_db_hz

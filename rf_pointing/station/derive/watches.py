@@ -12,8 +12,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from rf_pointing.core.derived import Rows, rounded, tuned
-from rf_pointing.core.parameters import flat
+from rf_pointing.core import Rows, flat, rounded, tuned
 from rf_pointing.drives.params import DriveParams
 from rf_pointing.drives.registry import takes_positions
 from rf_pointing.station.derive import axes

@@ -6,12 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from rf_pointing.core import Params, Sensor, leaves
-from rf_pointing.core.checks import LONGEST_NAME, brief, one_of
+from rf_pointing.core import AXES, LONGEST_NAME, Pair, Params, Sensor, brief, leaves, one_of
 from rf_pointing.core.mount_types import AZIMUTH_ELEVATION, MOUNTS
 from rf_pointing.core.parameters import flat, from_edge, with_leaves
-from rf_pointing.core.signals import AXES
-from rf_pointing.core.types import Pair
 from rf_pointing.core.whole_file import read_whole
 from rf_pointing.drives.params import DriveParams
 from rf_pointing.drives.protocols import turns_azimuth_alone
@@ -34,7 +31,7 @@ from rf_pointing.station.description.content import (
     Content,
     MountSection,
     ReceiverSection,
-)  # fmt: skip
+)
 from rf_pointing.station.description.reading import MOST_VALUES, Reader, nearest
 
 BEAMWIDTH_TOLERANCE = 0.2
@@ -231,7 +228,7 @@ def _mask(content: Content, reader: Reader) -> HorizonMask:
     return HorizonMask(azimuth_rad=azimuths, elevation_rad=elevations, clearance_rad=clearance)
 
 
-def _mask_file(name: str, reader: Reader) -> tuple[tuple[tuple[float, float], ...], list[int]]:
+def _mask_file(name: str, reader: Reader) -> tuple[tuple[Pair, ...], list[int]]:
     path = reader.path.parent / name
     try:
         text = read_whole(path, encoding="utf-8-sig")

@@ -9,11 +9,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
-from rf_pointing.core import parameter
+from rf_pointing.core import AXES, Pair, flat, parameter
 from rf_pointing.core.mount_types import AZIMUTH_ELEVATION, LOWER_AXES, MOUNTS, MountType
-from rf_pointing.core.parameters import flat
-from rf_pointing.core.signals import AXES
-from rf_pointing.core.types import Pair
 from rf_pointing.tracking.sensors import SENSORS
 
 VERSION = 1
@@ -34,7 +31,7 @@ class SiteSection:
 
     latitude_deg: float = parameter(description="geodetic latitude, north positive", low=-90.0, high=90.0)
     longitude_deg: float = parameter(description="longitude, east positive", low=-180.0, high=360.0)
-    height_m: float = parameter(0.0, "height above the WGS 84 ellipsoid", low=-500.0, high=9000.0)
+    height_m: float = parameter(0.0, "height above the WGS 84 ellipsoid", -500.0, 9000.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,26 +41,25 @@ class AxisSection:
     travel_deg: Pair = parameter(description="lowest and highest angle that may be commanded", low=-1000.0, high=1000.0)
     rate_deg_s: float = parameter(description="largest rate of the drive", low=0.001, high=100.0)
     acceleration_deg_s2: float | None = parameter(
-        None, "largest acceleration of the drive; default: the full rate in 1 s", low=0.001, high=1000.0
+        None, "largest acceleration of the drive; default: the full rate in 1 s", 0.001, 1000.0
     )
     command_rate_deg_s: float | None = parameter(
-        None, "largest commanded rate; default: 0.9 of the drive's, the rest is the loop's", low=0.001, high=100.0
+        None, "largest commanded rate; default: 0.9 of the drive's, the rest is the loop's", 0.001, 100.0
     )
     command_acceleration_deg_s2: float | None = parameter(
-        None, "largest commanded acceleration; default: 0.4 of the drive's", low=0.001, high=1000.0
+        None, "largest commanded acceleration; default: 0.4 of the drive's", 0.001, 1000.0
     )
     encoder_bits: int | None = parameter(
-        None, "bits of the encoder per turn; default: 20, or those of resolution_deg", low=8, high=40
+        None, "bits of the encoder per turn; default: 20, or those of resolution_deg", 8, 40
     )
     resolution_deg: float | None = parameter(
-        None, "smallest step that the encoder or the rotator shows, in place of encoder_bits", low=1e-9, high=5.0
+        None, "smallest step that the encoder or the rotator shows, in place of encoder_bits", 1e-9, 5.0
     )
     hard_stop_deg: Pair | None = parameter(
-        None, "mechanical stops; default: 5 deg (azimuth) and 2 deg (elevation) outside the travel",
-        low=-1100.0, high=1100.0,
-    )  # fmt: skip
+        None, "mechanical stops; default: 5 deg (azimuth) and 2 deg (elevation) outside the travel", -1100.0, 1100.0
+    )
     backlash_deg: float | None = parameter(
-        None, "half width of the gear's play; default: 0.003 deg or a tenth of a beamwidth step", low=0.0, high=0.5
+        None, "half width of the gear's play; default: 0.003 deg or a tenth of a beamwidth step", 0.0, 0.5
     )
 
     def contradictions(self) -> Iterator[tuple[str, str]]:
@@ -96,37 +92,34 @@ class MountSection:
     axes: dict[str, AxisSection] = section("axes of another mount by their names: x and y, hour_angle and declination")
     lower_axis: str | None = parameter(None, "direction of the x axis of an X-Y mount", choices=LOWER_AXES)
     tilt_deg: float | None = parameter(
-        None, "angle by which a tilt axis leans the azimuth axis, to a side chosen for each pass", low=0.1, high=45.0
+        None, "angle by which a tilt axis leans the azimuth axis, to a side chosen for each pass", 0.1, 45.0
     )
     train_deg: float | None = parameter(
         None, "azimuth to which a tilt axis leans; default: chosen and set before each pass",
-        low=-360.0, high=360.0,
+        -360.0, 360.0,
     )  # fmt: skip
     train_rate_deg_s: float | None = parameter(
-        None, "rate at which a tilt axis is set to another azimuth; default: 1", low=0.001, high=50.0
+        None, "rate at which a tilt axis is set to another azimuth; default: 1", 0.001, 50.0
     )
     fixed_elevation_deg: float | None = parameter(
-        None, "where an antenna looks that turns in azimuth alone; default: both axes turn", low=-10.0, high=180.0
+        None, "where an antenna looks that turns in azimuth alone; default: both axes turn", -10.0, 180.0
     )
     park_deg: Pair | None = parameter(
         None, "axis angles of the park position; default: those of the travel nearest to azimuth 0 and elevation 45",
-        low=-1000.0, high=1000.0,
+        -1000.0, 1000.0,
     )  # fmt: skip
     stow_elevation_deg: float | None = parameter(
-        None, "angle of the upper axis where the wind does least; default: nearest to the zenith",
-        low=-180.0, high=180.0,
-    )  # fmt: skip
+        None, "angle of the upper axis at which the wind does least; default: that nearest to the zenith", -180.0, 180.0
+    )
     horizon_deg: tuple[Pair, ...] | None = parameter(
-        None, "horizon mask: azimuth and lowest elevation of its points, rising; default: none", low=-12.0, high=360.0
+        None, "horizon mask: azimuth and lowest elevation of its points, rising; default: none", -12.0, 360.0
     )
     horizon_file: str = parameter("", "file of the horizon mask: azimuth and elevation in deg, a point a line")
-    horizon_clearance_deg: float = parameter(1.0, "passes begin and end this far above the mask", low=0.01, high=11.4)
+    horizon_clearance_deg: float = parameter(1.0, "passes begin and end this far above the mask", 0.01, 11.4)
     pass_elevation_deg: float | None = parameter(
-        None, "elevation at which passes begin and end; default: 5, at least 1 above the lowest", low=0.0, high=85.0
+        None, "elevation at which passes begin and end; default: 5, at least 1 above the lowest", 0.0, 85.0
     )
-    transmit_elevation_deg: float = parameter(
-        10.0, "lowest elevation at which the transmitter may be on", low=-11.0, high=91.0
-    )
+    transmit_elevation_deg: float = parameter(10.0, "lowest elevation at which the transmitter may be on", -11.0, 91.0)
     unsigned_commands: bool = parameter(
         False, "whether anybody on the network may command the antenna between passes; false: who has its key"
     )
@@ -166,28 +159,24 @@ class DishSection:
 class ArraySection:
     """Patches on a circle that moves with the dish; the sensor `array` of a band."""
 
-    elements: int = parameter(12, "number of patches on the circle", low=5, high=64)
-    radius_m: float = parameter(0.12, "radius of the circle", low=0.001, high=10.0)
-    element_gain_dbi: float = parameter(6.0, "gain of one patch", low=-10.0, high=30.0)
-    roll_deg: float = parameter(
-        0.0, "angle from the axis of the first patch to cross-elevation", low=-180.0, high=180.0
-    )
-    axis_cross_elevation_deg: float = parameter(0.0, "array's axis right of the beam by", low=-45.0, high=45.0)
-    axis_elevation_deg: float = parameter(0.0, "array's axis above the beam by", low=-45.0, high=45.0)
-    phase_sigma_deg: float = parameter(1.0, "what the calibration leaves of the phases", low=0.0, high=28.0)
+    elements: int = parameter(12, "number of patches on the circle", 5, 64)
+    radius_m: float = parameter(0.12, "radius of the circle", 0.001, 10.0)
+    element_gain_dbi: float = parameter(6.0, "gain of one patch", -10.0, 30.0)
+    roll_deg: float = parameter(0.0, "angle from the axis of the first patch to cross-elevation", -180.0, 180.0)
+    axis_cross_elevation_deg: float = parameter(0.0, "array's axis right of the beam by", -45.0, 45.0)
+    axis_elevation_deg: float = parameter(0.0, "array's axis above the beam by", -45.0, 45.0)
+    phase_sigma_deg: float = parameter(1.0, "what the calibration leaves of the phases", 0.0, 28.0)
 
 
 @dataclass(frozen=True, kw_only=True)
 class SunSection:
     """The zone of the sky around the Sun."""
 
-    radius_deg: float = parameter(
-        1.0, "the beam stays this far from the Sun; 0: it may look into it", low=0.0, high=28.0
-    )
+    radius_deg: float = parameter(1.0, "the beam stays this far from the Sun; 0: it may look into it", 0.0, 28.0)
     escapes: bool = parameter(True, "an antenna at rest turns away from it; false: it only warns")
-    warning_s: float = parameter(300.0, "it warns so long before, turns away 60 s before", low=60.0, high=3600.0)
+    warning_s: float = parameter(300.0, "it warns so long before, turns away 60 s before", 60.0, 3600.0)
     clear_s: float = parameter(
-        1800.0, "where it turns to stays clear of the Sun for so long", low=60.0, high=14400.0
+        1800.0, "where it turns to stays clear of the Sun for so long", 60.0, 14400.0
     )  # fmt: skip
 
 
@@ -199,21 +188,19 @@ class WindSection:
         False, "whether one publishes weather/wind (simulated: is simulated); without it, wind never stows the antenna"
     )
     stow: bool = parameter(True, "whether high wind stows the antenna; false: it is only warned of")
-    gust_limit_m_s: float = parameter(25.0, "3-s gust from which the antenna is stowed", low=1.0, high=100.0)
-    mean_limit_m_s: float = parameter(18.0, "10-min mean from which the antenna is stowed", low=1.0, high=100.0)
+    gust_limit_m_s: float = parameter(25.0, "3-s gust from which the antenna is stowed", 1.0, 100.0)
+    mean_limit_m_s: float = parameter(18.0, "10-min mean from which the antenna is stowed", 1.0, 100.0)
 
 
 @dataclass(frozen=True, kw_only=True)
 class StageSection:
     """One cable, filter or amplifier behind the antenna: its loss, or its noise and gain."""
 
-    loss_db: float | None = parameter(None, "loss of a cable, filter or coupler", low=0.0, high=60.0)
-    noise_figure_db: float | None = parameter(None, "noise figure of an amplifier", low=0.0, high=40.0)
-    noise_k: float | None = parameter(
-        None, "noise temperature of an amplifier, in place of its figure", low=0.0, high=1e6
-    )
-    gain_db: float = parameter(0.0, "gain of an amplifier", low=-60.0, high=120.0)
-    physical_k: float = parameter(290.0, "temperature of what loses", low=1.0, high=400.0)
+    loss_db: float | None = parameter(None, "loss of a cable, filter or coupler", 0.0, 60.0)
+    noise_figure_db: float | None = parameter(None, "noise figure of an amplifier", 0.0, 40.0)
+    noise_k: float | None = parameter(None, "noise temperature of an amplifier, in place of its figure", 0.0, 1e6)
+    gain_db: float = parameter(0.0, "gain of an amplifier", -60.0, 120.0)
+    physical_k: float = parameter(290.0, "temperature of what loses", 1.0, 400.0)
 
     def contradiction(self) -> str:
         """Return "" or why this is not one part of the chain."""
@@ -230,9 +217,9 @@ class NoiseSection:
     """Parts of the system noise, in place of system_noise_k."""
 
     chain: tuple[StageSection, ...] = parameter(description="parts behind the antenna, in the order of the signal")
-    spillover_k: float = parameter(8.0, "ground seen past the reflector, feed and mirrors", low=0.0, high=300.0)
+    spillover_k: float = parameter(8.0, "ground seen past the reflector, feed and mirrors", 0.0, 300.0)
     dichroic_loss_db: float = parameter(
-        0.0, "reflection and ohmic loss of a dichroic plate in the beam; 0: none", low=0.0, high=3.0
+        0.0, "reflection and ohmic loss of a dichroic plate in the beam; 0: none", 0.0, 3.0
     )
 
 
@@ -240,8 +227,8 @@ class NoiseSection:
 class FeedOffsetSection:
     """Where the beam of a feed is off the axis of the dish."""
 
-    cross_elevation_deg: float = parameter(0.0, "the beam is right of the axis by", low=-5.0, high=5.0)
-    elevation_deg: float = parameter(0.0, "the beam is above the axis by", low=-5.0, high=5.0)
+    cross_elevation_deg: float = parameter(0.0, "the beam is right of the axis by", -5.0, 5.0)
+    elevation_deg: float = parameter(0.0, "the beam is above the axis by", -5.0, 5.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -249,8 +236,8 @@ class BandReceiverSection:
     """Keys that a band has in place of those of the common `receiver`."""
 
     type: str | None = parameter(None, "where the signal comes from")
-    power_period_s: float | None = parameter(None, "time between two powers", low=0.06, high=10.0)
-    delay_s: float | None = parameter(None, "time from direction to power", low=-60.0, high=60.0)
+    power_period_s: float | None = parameter(None, "time between two powers", 0.06, 10.0)
+    delay_s: float | None = parameter(None, "time from direction to power", -60.0, 60.0)
     options: str | None = parameter(None, "text for a receiver of your own")
     link: Open = section("how the device is reached")
     iq: Open = section("samples of a radio")
@@ -264,7 +251,7 @@ class BandSection:
 
     frequency_mhz: float = parameter(description="frequency of the carrier", low=10.0, high=400000.0)
     half_power_beamwidth_deg: float | None = parameter(
-        None, "full width of the beam at half power; default: from diameter and frequency", low=1e-4, high=80.0
+        None, "full width of the beam at half power; default: from diameter and frequency", 1e-4, 80.0
     )
     sensors: tuple[str, ...] = parameter(
         tuple(name for name, traits in SENSORS.items() if traits.scans),
@@ -272,22 +259,21 @@ class BandSection:
         choices=SENSORS.keys(),
     )
     system_noise_k: float | None = parameter(
-        None, "system noise temperature at the zenith; default: 120, below 1 GHz 400", low=5.0, high=10000.0
+        None, "system noise temperature at the zenith; default: 120, below 1 GHz 400", 5.0, 10000.0
     )
     noise: NoiseSection | None = parameter(None, "parts of the system noise, in place of system_noise_k")
     satellite_eirp_dbw: float | None = parameter(
-        None, "EIRP of the satellite less polarisation loss, in place of zenith_carrier_to_noise_db_hz",
-        low=-60.0, high=90.0,
-    )  # fmt: skip
+        None, "EIRP of the satellite less polarisation loss, in place of zenith_carrier_to_noise_db_hz", -60.0, 90.0
+    )
     gain_dbi: float | None = parameter(
-        None, "gain of the antenna; default: 26 000 deg^2 over the square of the beamwidth", low=0.0, high=90.0
+        None, "gain of the antenna; default: 26 000 deg^2 over the square of the beamwidth", 0.0, 90.0
     )
     zenith_carrier_to_noise_db_hz: float = parameter(
-        60.0, "C/N0 to expect from a satellite at the zenith, at reference_range_km", low=0.0, high=140.0
+        60.0, "C/N0 to expect from a satellite at the zenith, at reference_range_km", 0.0, 140.0
     )
-    reference_range_km: float = parameter(780.0, "range at which that C/N0 is received", low=0.1, high=1e9)
+    reference_range_km: float = parameter(780.0, "range at which that C/N0 is received", 0.1, 1e9)
     model_error_deg: float = parameter(
-        0.1, "error per axis that the bias model, or a mount without one, leaves", low=0.0, high=5.0
+        0.1, "error per axis that the bias model, or a mount without one, leaves", 0.0, 5.0
     )
     feed_offset: FeedOffsetSection | None = parameter(None, "where the beam is, without bias_model")
     bias_model: str = parameter("", "file of the bias model; empty: none, until one is calibrated")
@@ -304,8 +290,8 @@ class ReceiverSection(BandReceiverSection):
     """The receiver that measures the carrier: simulated, or a device of yours."""
 
     type: str = parameter("simulated", "where the signal comes from, as receiver.type of signal_receiver")
-    power_period_s: float = parameter(0.1, "time between two carrier powers", low=0.06, high=10.0)
-    delay_s: float = parameter(0.0, "time from the beam's direction to the power that it gives", low=-60.0, high=60.0)
+    power_period_s: float = parameter(0.1, "time between two carrier powers", 0.06, 10.0)
+    delay_s: float = parameter(0.0, "time from the beam's direction to the power that it gives", -60.0, 60.0)
     options: str = parameter("", "text for a receiver of your own")
 
 
@@ -314,12 +300,12 @@ class RigSection:
     """The receiver or the transmitter, behind rigctld of Hamlib."""
 
     host: str = parameter("localhost", "host of rigctld")
-    port: int = parameter(4532, "TCP port of rigctld; the same for both sides: one rig in split", low=1, high=65535)
+    port: int = parameter(4532, "TCP port of rigctld; the same for both sides: one rig in split", 1, 65535)
     oscillator_mhz: float = parameter(
-        0.0, "local oscillator of the converter (LNB, transverter) before the rig; 0: none", low=0.0, high=400000.0
+        0.0, "local oscillator of the converter (LNB, transverter) before the rig; 0: none", 0.0, 400000.0
     )
-    offset_hz: float = parameter(0.0, "added to the tuning, for the errors of both oscillators", low=-1e6, high=1e6)
-    step_hz: float = parameter(1.0, "smallest step of the tuning", low=0.1, high=10000.0)
+    offset_hz: float = parameter(0.0, "added to the tuning, for the errors of both oscillators", -1e6, 1e6)
+    step_hz: float = parameter(1.0, "smallest step of the tuning", 0.1, 10000.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -328,9 +314,9 @@ class TransponderSection:
 
     downlink_mhz: float = parameter(description="middle of the downlink", low=10.0, high=400000.0)
     uplink_mhz: float | None = parameter(
-        None, "middle of the uplink; omit for a satellite that is only received", low=10.0, high=400000.0
+        None, "middle of the uplink; omit for a satellite that is only received", 10.0, 400000.0
     )
-    passband_khz: float = parameter(0.0, "width of a transponder; 0: one channel", low=0.0, high=1e6)
+    passband_khz: float = parameter(0.0, "width of a transponder; 0: one channel", 0.0, 1e6)
     inverting: bool = parameter(False, "whether the top of the uplink is the bottom of the downlink")
 
 
@@ -343,11 +329,10 @@ class RadioSection:
     )
     receive: RigSection | None = parameter(None, "the receiver; omit if something else tunes it")
     transmit: RigSection | None = parameter(None, "the transmitter; omit for a station that only receives")
-    eirp_dbw: float = parameter(0.0, "largest EIRP of the station", low=-60.0, high=150.0)
+    eirp_dbw: float = parameter(0.0, "largest EIRP of the station", -60.0, 150.0)
     eirp_sectors: tuple[tuple[float, float, float, float], ...] = parameter(
-        (), "azimuths from and to, elevation below which, and the largest EIRP in dBW allowed there",
-        low=-360.0, high=360.0,
-    )  # fmt: skip
+        (), "azimuths from and to, elevation below which, and the largest EIRP in dBW allowed there", -360.0, 360.0
+    )
     transmit_line: str = parameter(
         "", "high while the transmitter may send: a file (GPIO), /dev/ttyX:rts or /dev/ttyX:dtr; empty: none"
     )
@@ -357,8 +342,8 @@ class RadioSection:
 class SimulatedWindSection:
     """Wind that blows on the simulated antenna."""
 
-    mean_speed_m_s: float = parameter(0.0, "mean wind speed", low=0.0, high=60.0)
-    from_azimuth_deg: float = parameter(0.0, "azimuth that the wind comes from", low=-360.0, high=360.0)
+    mean_speed_m_s: float = parameter(0.0, "mean wind speed", 0.0, 60.0)
+    from_azimuth_deg: float = parameter(0.0, "azimuth that the wind comes from", -360.0, 360.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -380,9 +365,9 @@ class SimulationSection:
         choices=("flexible", "stiff"),
     )  # fmt: skip
     start_deg: Pair | None = parameter(None, "azimuth and elevation at the start; default: the park position",
-        low=-1000.0, high=1000.0)  # fmt: skip
-    along_track_offset_s: float = parameter(0.0, "satellite ahead of its elements by", low=-60.0, high=60.0)
-    lag_averaging_s: float = parameter(5.0, "time in which the lags of the mount build up", low=0.1, high=100.0)
+        -1000.0, 1000.0)  # fmt: skip
+    along_track_offset_s: float = parameter(0.0, "satellite ahead of its elements by", -60.0, 60.0)
+    lag_averaging_s: float = parameter(5.0, "time in which the lags of the mount build up", 0.1, 100.0)
     wind: SimulatedWindSection = section("wind on the simulated antenna", SimulatedWindSection)
     mount_errors: Open = section("mount errors of the simulated antenna, as mount.* of antenna_servo")
 

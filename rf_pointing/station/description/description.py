@@ -7,13 +7,8 @@ from functools import cache, cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rf_pointing.core import require_choice
-from rf_pointing.core.derived import Value
-from rf_pointing.core.modes import Sensor
+from rf_pointing.core import STANDBY_ROLE, Sensor, Value, flat, leaves, read_whole, require_choice
 from rf_pointing.core.mount_types import AZIMUTH_ELEVATION
-from rf_pointing.core.parameters import flat, leaves
-from rf_pointing.core.signals import STANDBY_ROLE
-from rf_pointing.core.whole_file import read_whole
 from rf_pointing.station.derive.band import Band, Derived, site_of
 from rf_pointing.station.derive.nodes import NODES, reference
 from rf_pointing.station.description.content import Content
@@ -42,11 +37,9 @@ FLIES_OTHER_MOUNTS = frozenset({
 """Commands and nodes that fly any mount whose tilt is set; any other refuses other mounts."""
 # Parameters of before, and the key that took their place.
 _FORMER = {
-    ("ephemeris_publisher", "source.station"): "site",
-    ("rf_receiver", "source.station"): "site",
-    ("pointing_controller", "sun.station"): "site",
-    ("antenna_servo", "safety.sun.station"): "site",
-}
+    ("ephemeris_publisher", "source.station"): "site", ("rf_receiver", "source.station"): "site",
+    ("pointing_controller", "sun.station"): "site", ("antenna_servo", "safety.sun.station"): "site",
+}  # fmt: skip
 
 
 class StationDescription:

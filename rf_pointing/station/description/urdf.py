@@ -21,9 +21,8 @@ from xml.etree import ElementTree
 
 import numpy as np
 
+from rf_pointing.core import AXES, BASE, BEAM, Array
 from rf_pointing.core.kinematics import UP, Kinematics, Turn
-from rf_pointing.core.signals import AXES, BASE, BEAM
-from rf_pointing.core.types import Array
 from rf_pointing.station.derive.axes import kinematics_of
 from rf_pointing.station.derive.band import BEAM_FACTOR_DEG, Band
 from rf_pointing.station.description.description import StationDescription
@@ -121,13 +120,10 @@ def _limits(
     }
     low, high = map(math.radians, station.content.mount.pair[AXES.index(axis)].travel_deg)
     ElementTree.SubElement(
-        joint,
-        "limit",
-        lower=_number(of["travel_min_deg"]),
-        upper=_number(of["travel_max_deg"]),
+        joint, "limit", lower=_number(of["travel_min_deg"]), upper=_number(of["travel_max_deg"]),
         velocity=_number(of["rate_limit_deg_s"]),
         effort=_number(inertia * of["acceleration_limit_deg_s2"]),
-    )
+    )  # fmt: skip
     # The standard demands a gain of the controller that nobody applies here.
     ElementTree.SubElement(
         joint, "safety_controller", soft_lower_limit=_number(low), soft_upper_limit=_number(high), k_velocity="0"
@@ -164,13 +160,10 @@ def _boom(link: ElementTree.Element, size: float) -> None:
 
 
 def _shape(
-    link: ElementTree.Element,
-    kind: str,
-    measures: Mapping[str, float | tuple[float, ...]],
-    centre: tuple[float, float, float],
-    rpy: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    link: ElementTree.Element, kind: str, measures: Mapping[str, float | tuple[float, ...]],
+    centre: tuple[float, float, float], rpy: tuple[float, float, float] = (0.0, 0.0, 0.0),
     colour: str = WHITE,
-) -> None:
+) -> None:  # fmt: skip
     visual = ElementTree.SubElement(link, "visual")
     ElementTree.SubElement(visual, "origin", xyz=_words(centre), rpy=_words(rpy))
     geometry = ElementTree.SubElement(visual, "geometry")

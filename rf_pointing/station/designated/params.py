@@ -21,14 +21,10 @@ class DesignateParams(Params):
         "", "name of the target in the reports that is selected at the start; empty: by service"
     )
     fused: bool = parameter(False, "all reports are of one target, whatever they name it")
-    latency_s: float = parameter(
-        0.0, "time from a place to the arrival of its report", low=0.0, high=60.0
-    )
+    latency_s: float = parameter(0.0, "time from a place to the arrival of its report", 0.0, 60.0)
     noise: ReportNoise = parameter(ReportNoise(), "errors of the reports")
-    period_s: float = parameter(0.1, "time between two targets", low=0.02, high=10.0)
-    lead_s: float = parameter(
-        2.0, "how far ahead of its time a target is published", low=0.0, high=60.0
-    )
+    period_s: float = parameter(0.1, "time between two targets", 0.02, 10.0)
+    lead_s: float = parameter(2.0, "how far ahead of its time a target is published", 0.0, 60.0)
     mask_rad: float = parameter(
-        math.radians(5.0), "elevation at which a target rises and sets", low=0.0, high=1.5
+        math.radians(5.0), "elevation at which a target rises and sets", 0.0, 1.5
     )

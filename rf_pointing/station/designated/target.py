@@ -11,8 +11,7 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from rf_pointing.core import SkyUncertainty, Target, require_choice
-from rf_pointing.core.signals import DESIGNATED
+from rf_pointing.core import DESIGNATED, SkyUncertainty, Target, require_choice
 from rf_pointing.designate import (
     CLASSES,
     DECODERS,

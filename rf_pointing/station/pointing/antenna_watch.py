@@ -21,12 +21,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from rf_pointing.core import AXES, JointReading, Params, angular_distance_rad, parameter
+from rf_pointing.core import AXES, Array, JointReading, Params, angular_distance_rad, parameter
 from rf_pointing.core.angles import separation_rad
 from rf_pointing.core.modes import antenna_is
 from rf_pointing.core.pass_outcome import OF_ANTENNA
 from rf_pointing.core.signals import TimeBuffer
-from rf_pointing.core.types import Array
 
 UNREAD_S = 0.2
 """Readings further apart than this say nothing about a frozen encoder."""
@@ -43,17 +42,15 @@ FOLLOWING = ("", "holding", "tracking")
 class AntennaWatchParams(Params):
     """When the antenna counts as silent, frozen, running away, or on source."""
 
-    silence_s: float = parameter(1.0, "age of joint_states from which the antenna is silent", low=0.2, high=60.0)
-    patience_s: float = parameter(15.0, "age of joint_states at which the pass ends", low=0.2, high=600.0)
-    window_s: float = parameter(1.0, "time over which frozen and runaway axes are judged", low=0.2, high=60.0)
-    frozen_rad: float = parameter(
-        math.radians(0.02), "commanded motion in which the encoders must move", low=1e-6, high=0.2
-    )
-    reaction_s: float = parameter(0.3, "longest time from a command to the motion of the axes", low=0.0, high=60.0)
+    silence_s: float = parameter(1.0, "age of joint_states from which the antenna is silent", 0.2, 60.0)
+    patience_s: float = parameter(15.0, "age of joint_states at which the pass ends", 0.2, 600.0)
+    window_s: float = parameter(1.0, "time over which frozen and runaway axes are judged", 0.2, 60.0)
+    frozen_rad: float = parameter(math.radians(0.02), "commanded motion in which the encoders must move", 1e-6, 0.2)
+    reaction_s: float = parameter(0.3, "longest time from a command to the motion of the axes", 0.0, 60.0)
     runaway_rad: float = parameter(
-        math.radians(0.5), "distance from the command from which leaving it is a runaway", low=1e-6, high=1.0
+        math.radians(0.5), "distance from the command from which leaving it is a runaway", 1e-6, 1.0
     )
-    settle_periods: int = parameter(5, "periods in a row on target until on source", low=1, high=1000)
+    settle_periods: int = parameter(5, "periods in a row on target until on source", 1, 1000)
 
     # A pass must not end before the antenna counts as silent.
     ordered = ("patience_s >= silence_s",)

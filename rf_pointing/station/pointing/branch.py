@@ -11,8 +11,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.core import JointReading, JointTrajectory, Motion, Quintic
-from rf_pointing.core.types import Array
+from rf_pointing.core import Array, BoolArray, JointReading, JointTrajectory, Motion, Quintic
 from rf_pointing.planning import Branch, plunged, unplunged
 
 # Over the top the elevation axis turns the other way for the same motion on the sky.
@@ -89,7 +88,7 @@ class TrackingBranch:
                 row[index] = part
         return Motion(*rows)
 
-    def ends_of_crossing(self, times: Array) -> tuple[Motion, NDArray[np.bool_]] | None:
+    def ends_of_crossing(self, times: Array) -> tuple[Motion, BoolArray] | None:
         """Return the motion (2, 2) at both ends of the crossing, and which are over the top (2,).
 
         None when none of the times (n,) lies within the crossing.

@@ -13,11 +13,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rf_pointing.calibration import BiasModel, LagHistory, without_lags
-from rf_pointing.core import Motion, Params, gaussian_gain, parameter
-from rf_pointing.core.checks import LONGEST_NAME
+from rf_pointing.core import LONGEST_NAME, Array, Motion, Pair, Params, gaussian_gain, parameter
 from rf_pointing.core.kinematics import LEVEL, Kinematics
 from rf_pointing.core.refraction import RadioRefraction
-from rf_pointing.core.types import Array
 from rf_pointing.core.whole_file import write_whole
 from rf_pointing.ephemeris import ElementUncertainty, Pass, Site, TopocentricTrack, sky_uncertainty, sun
 from rf_pointing.planning import (
@@ -70,13 +68,9 @@ class PlannedPass:
 
 
 def planned_certificate(
-    track: TopocentricTrack,
-    window: "Pass | CataloguePass",
-    free_t_s: float,
-    encoder_rad: tuple[float, float],
-    rules: PlanningRules,
-    sun_table: "SolarTable | None" = None,
-) -> tuple[Certificate, PassProfile]:
+    track: TopocentricTrack, window: "Pass | CataloguePass", free_t_s: float, encoder_rad: Pair,
+    rules: PlanningRules, sun_table: "SolarTable | None" = None,
+) -> tuple[Certificate, PassProfile]:  # fmt: skip
     """Return the certificate of a pass for an antenna at `encoder_rad` from `free_t_s` on.
 
     A tilt axis leans to the side on which less of the pass is lost.  The profile is on the sky.
@@ -99,7 +93,7 @@ def planned_certificate(
 def _once_it_leans(mount: Kinematics, slew: Slew) -> Slew:
     """Return the slew after a tilt axis is set, which may take half a turn of it."""
 
-    def slewed(start: tuple[float, float], goal: tuple[float, float]) -> tuple[float, str]:
+    def slewed(start: Pair, goal: Pair) -> tuple[float, str]:
         needed_s, barred = slew(start, goal)
         return mount.leaning_s + needed_s, barred
 
@@ -150,15 +144,9 @@ class SolarTable:
 
 
 def certificate_of(
-    profile: PassProfile,
-    rules: PlanningRules,
-    issued_t_s: float,
-    encoder_rad: tuple[float, float],
-    *,
-    plunge_allowed: bool = True,
-    slew: Slew | None = None,
-    cost: SensorCost | None = None,
-) -> Certificate:
+    profile: PassProfile, rules: PlanningRules, issued_t_s: float, encoder_rad: Pair, *,
+    plunge_allowed: bool = True, slew: Slew | None = None, cost: SensorCost | None = None,
+) -> Certificate:  # fmt: skip
     """Return the certificate of a pass for a Gaussian beam (CONSCAN eq. 1).
 
     The profile, as the encoders, is in the angles of the axes of `rules.mount`.

@@ -23,8 +23,7 @@ from rf_pointing.calibration import BiasModel
 from rf_pointing.core import JointReading, JointTrajectory, Mode, PointingError, Sensor, Target, require_choice
 from rf_pointing.core.kinematics import LEVEL
 from rf_pointing.core.pass_outcome import LOSS_OF_SIGNAL, OF_ANTENNA, SCANNED
-from rf_pointing.ephemeris import Pass
-from rf_pointing.ephemeris.solar import SolarDirection, SunPermit
+from rf_pointing.ephemeris import Pass, SolarDirection, SunPermit
 from rf_pointing.planning import PassProfile, SensorCost
 from rf_pointing.station.pointing.antenna_watch import AntennaWatch, AxisState
 from rf_pointing.station.pointing.corrections import PointingCorrections
@@ -447,13 +446,11 @@ class PointingController:
         newest_t_s = t_s - LEAST_AGE_PERIODS * timing.period_s
         oldest_t_s = newest_t_s - LEVEL_PERIODS * timing.period_s
         evidence = BeamEvidence(
-            sensor=self._mode.sensor,
-            axes=self.antenna.state,
-            sensed=sensed,
+            sensor=self._mode.sensor, axes=self.antenna.state, sensed=sensed,
             off_centre_rad=self._motion.off_centre_rad() if scanned else None,
             power=self._levels.power(newest_t_s, oldest_t_s, self._mode.axis_db_hz),
             planned_rad=0.0 if course.direct else course.planned_error_rad(t_s),
-        )
+        )  # fmt: skip
         waiting = mode == Mode.IDLE
         self.statistics.note(sensed)
         # A pass that was joined is counted from then on.

@@ -15,12 +15,10 @@ from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.controllers import TrackerIntegrator, TrackerIntegratorParams
-from rf_pointing.core import Mode, Motion, PointingError, Quintic, SkyUncertainty
+from rf_pointing.core import Array, BoolArray, Mode, Motion, PointingError, Quintic, SkyUncertainty
 from rf_pointing.core.signals import TimeBuffer
-from rf_pointing.core.types import Array
 from rf_pointing.planning import AxisRates
 from rf_pointing.station.pointing.scan_patterns import UNDERWAY_S, ScanPatterns, Scans
 from rf_pointing.tracking import AutotrackState, SkyMotion, TrackPath, TrimFilter, TrimParams, direction_rows, prior_for
@@ -238,7 +236,7 @@ class PointingCorrections:
         self.filter.turn(OVER)
         self._integrator.change(signs=OVER)
 
-    def axis_offsets_rad(self, target: Motion, over: NDArray[np.bool_], range_m: float) -> Array:
+    def axis_offsets_rad(self, target: Motion, over: BoolArray, range_m: float) -> Array:
         """Return how far (n, 2) the corrections move the axes off the target's motion (n, 2).
 
         `over` (n,) says where the dish is then over the top.

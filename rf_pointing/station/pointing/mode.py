@@ -10,8 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from rf_pointing.core import Mode, PointingError, Sensor, require_choice
-from rf_pointing.core.types import Array
+from rf_pointing.core import Array, Mode, Pair, PointingError, Sensor, require_choice
 from rf_pointing.ephemeris import Pass
 from rf_pointing.planning import PassProfile
 from rf_pointing.rf import LinkParams
@@ -143,12 +142,12 @@ class CarrierWatch:
         paths = zip(profile.range_m.tolist(), profile.satellite_gain_db.tolist(), strict=True)
         return [self.link.level_db_hz(*path) for path in paths]
 
-    def axis_db_hz(self, path: tuple[float, float] | None) -> float:
+    def axis_db_hz(self, path: Pair | None) -> float:
         """Return the C/N0 to expect on the axis, -inf where nothing can be compared with it."""
         return self.link.level_db_hz(*path) if path is not None and self._compares else -math.inf
 
     def false_lock(
-        self, error: PointingError, beam_rad: Array, path: tuple[float, float], faint_db_hz: float, expected_db: float
+        self, error: PointingError, beam_rad: Array, path: Pair, faint_db_hz: float, expected_db: float
     ) -> str:
         """Return why an error must not be followed, empty while it may.
 
@@ -267,18 +266,12 @@ class TrackingMode:
             self.axis_db_hz += self.params.array_gain_db
         request = Request.CALIBRATE if self._calibrating else Request.TRACK
         inputs = AutotrackInputs(
-            t_s=t_s,
-            request=Request.IDLE if ended else request,
-            target_available=motion.target_available,
-            on_target=motion.on_target,
+            t_s=t_s, request=Request.IDLE if ended else request,
+            target_available=motion.target_available, on_target=motion.on_target,
             carrier_to_noise_db_hz=error.carrier_to_noise_db_hz if error else -math.inf,
-            axis_db_hz=self.axis_db_hz,
-            valid=valid,
-            arriving=arriving,
-            heard=bool(errors),
-            fault=fault,
-            sidelobe=fault.startswith(SIDELOBE),
-        )
+            axis_db_hz=self.axis_db_hz, valid=valid, arriving=arriving, heard=bool(errors),
+            fault=fault, sidelobe=fault.startswith(SIDELOBE),
+        )  # fmt: skip
         self.state = self._table.step(before, inputs)
         if self.state.mode != before.mode:
             # Errors of another mode say nothing about this lock.

@@ -13,9 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rf_pointing.calibration import BiasModel, LagHistory, LagState
-from rf_pointing.core import JointReading, JointTrajectory, Motion
+from rf_pointing.core import Array, JointReading, JointTrajectory, Motion, Pair
 from rf_pointing.core.signals import BeamPosition, TimeBuffer
-from rf_pointing.core.types import Array
 from rf_pointing.ephemeris import Pass
 from rf_pointing.station.pointing.corrections import PointingCorrections, added
 from rf_pointing.station.pointing.params import PointingParams
@@ -89,9 +88,9 @@ class MotionSnapshot:
 
     target_available: bool
     on_target: bool
-    path: tuple[float, float] | None = None
+    path: Pair | None = None
     beam_rad: Array | None = None
-    error_path: tuple[float, float] | None = None
+    error_path: Pair | None = None
 
 
 class CommandedMotion:
@@ -171,8 +170,8 @@ class CommandedMotion:
         # The shortest trajectory has three points.
         ahead = self.targets.covers(t_s, t_s + self.params.transport_s + 2.0 * self.params.period_s)
         known = ahead or self.targets.covers(t_s, t_s)
-        path: tuple[float, float] | None = None
-        error_path: tuple[float, float] | None = None
+        path: Pair | None = None
+        error_path: Pair | None = None
         # Before the first sample of the target no distance is known, and nothing to compare the
         # beam with.
         if math.isfinite(self.targets.known_until_s):

@@ -19,10 +19,7 @@ from enum import StrEnum
 
 import numpy as np
 
-from rf_pointing.core import MU
-from rf_pointing.core.dates import DAY_S
-from rf_pointing.core.refraction import RadioRefraction
-from rf_pointing.core.types import Array, Pair
+from rf_pointing.core import DAY_S, MU, Array, Pair, RadioRefraction
 from rf_pointing.ephemeris import (
     CataloguePass,
     Elements,
@@ -122,14 +119,9 @@ class PlannedAntenna:
 
 
 def plan_day(
-    wishes: Sequence[Wish],
-    antenna: PlannedAntenna,
-    start_t_s: float,
-    duration_s: float,
-    *,
-    gap_s: float = 0.0,
-    max_age_s: float = 14.0 * DAY_S,
-) -> DayPlan:
+    wishes: Sequence[Wish], antenna: PlannedAntenna, start_t_s: float, duration_s: float, *,
+    gap_s: float = 0.0, max_age_s: float = 14.0 * DAY_S,
+) -> DayPlan:  # fmt: skip
     """Return the plan of one antenna that rests at the start.
 
     An object that stays up for longer than `LONG_S`, or all the time, and yields gets the time
@@ -156,15 +148,9 @@ class AntennaDay:
     """
 
     def __init__(
-        self,
-        wishes: Sequence[Wish],
-        antenna: PlannedAntenna,
-        start_t_s: float,
-        duration_s: float,
-        *,
-        gap_s: float,
-        max_age_s: float,
-    ) -> None:
+        self, wishes: Sequence[Wish], antenna: PlannedAntenna, start_t_s: float, duration_s: float,
+        *, gap_s: float, max_age_s: float,
+    ) -> None:  # fmt: skip
         self.antenna, self.gap_s = antenna, gap_s
         self._span = start_t_s, duration_s
         self.wish_of = {id(wish.target): wish for wish in wishes}
@@ -316,14 +302,10 @@ class AntennaDay:
     def _is_long(self, window: CataloguePass) -> bool:
         return _is_long(window) or id(window.target) in self._shared
 
-    def rank(self, k: int) -> tuple[float, float]:
+    def rank(self, k: int) -> Pair:
         """Return how much a pass is wanted."""
         window = self.wanted[k]
         return self.wish_of[id(window.target)].priority, window.peak_elevation_rad
-
-    @property
-    def _rests(self) -> list[tuple[float, float, Pair, Pair]]:
-        return [(begin, end, *(self.antenna.encoder_rad,) * 2) for begin, end in self.antenna.closed]
 
     def _held(self, but: int) -> list[tuple[float, float, Pair, Pair]]:
         """Return times and ends of what is tracked, but for one pass that is cut anew."""
@@ -334,11 +316,12 @@ class AntennaDay:
 
     def cut(self, numbers: Collection[int]) -> None:
         """Cut stays into pieces that fit between the certified passes."""
-        found = []
+        found, at_rest = [], (self.antenna.encoder_rad, self.antenna.encoder_rad)
+        closed = [(begin, end, *at_rest) for begin, end in self.antenna.closed]
         for k, window in enumerate(self.wanted):
             pieces = []
             if k in numbers:
-                free = _free_times(sorted([*self._rests, *self._held(k)]), self.rest, sum(self._span))
+                free = _free_times(sorted([*closed, *self._held(k)]), self.rest, sum(self._span))
                 pieces = self._pieces(window, free, self.gap_s, LEAST_PIECE_S)
             found += pieces or [window]
         self._cut |= {id(self.wanted[k].target) for k in numbers}
@@ -439,12 +422,7 @@ class _Certificates:
     """Certificates of passes in a row; those whose slew did not change are issued once."""
 
     def __init__(
-        self,
-        antenna: PlannedAntenna,
-        air: RadioRefraction,
-        span: tuple[float, float],
-        max_age_s: float,
-        wish_of: Mapping[int, Wish],
+        self, antenna: PlannedAntenna, air: RadioRefraction, span: Pair, max_age_s: float, wish_of: Mapping[int, Wish]
     ) -> None:
         self._antenna, self._air, self._max_age_s, self._wish_of = antenna, air, max_age_s, wish_of
         self._rules = antenna.rules

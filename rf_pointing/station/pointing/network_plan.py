@@ -16,8 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rf_pointing.core.dates import DAY_S
-from rf_pointing.core.types import Array
+from rf_pointing.core import DAY_S, Array, Pair
 from rf_pointing.ephemeris import CataloguePass
 from rf_pointing.planning import Candidate
 from rf_pointing.planning.network import Option, Owed, Programme
@@ -64,16 +63,10 @@ class _Part:
 
 
 def plan_days(
-    wishes: Sequence[Wish],
-    antennas: Sequence[PlannedAntenna],
-    start_t_s: float,
-    duration_s: float,
-    *,
-    names: Sequence[str],
-    clear: Sequence[float],
-    gap_s: float = 0.0,
+    wishes: Sequence[Wish], antennas: Sequence[PlannedAntenna], start_t_s: float, duration_s: float,
+    *, names: Sequence[str], clear: Sequence[float], gap_s: float = 0.0,
     max_age_s: float = 14.0 * DAY_S,
-) -> NetworkDay:
+) -> NetworkDay:  # fmt: skip
     """Return the plan of antennas that rest at the start.
 
     Parameters
@@ -158,7 +151,8 @@ class _Network:
             for number, (window, candidate) in enumerate(zip(day.wanted, day.candidates(), strict=True)):
                 candidate = dataclasses.replace(candidate, share=candidate.share * self._clear[k])
                 lasts = id(window.target) in self._lasting
-                inside = [t_s for t_s in cuts.get(id(window.target), ()) if _may_be_cut(window, t_s)]
+                first_s, last_s = window.aos_t_s + SHORTEST_PART_S, window.los_t_s - SHORTEST_PART_S
+                inside = [t_s for t_s in cuts.get(id(window.target), ()) if first_s <= t_s <= last_s]
                 pieces = [candidate]
                 if candidate.turns and (inside or lasts):
                     key = id(window), tuple(inside)
@@ -215,7 +209,7 @@ class _Network:
         options = [
             Option(candidate=one.candidate, station=one.antenna, target=id(one.window.target), whole=one.number)
             for one in parts
-        ]  # fmt: skip
+        ]
         for k, day in enumerate(self._days):
             start_s, place = day.rest
             # A rest that ends a gap before the start: the antenna needs none to its first pass.
@@ -283,11 +277,7 @@ class _Network:
         return found
 
 
-def _may_be_cut(window: CataloguePass, t_s: float) -> bool:
-    return window.aos_t_s + SHORTEST_PART_S <= t_s <= window.los_t_s - SHORTEST_PART_S
-
-
-def _apart(window: CataloguePass, spans: Sequence[tuple[float, float]]) -> bool:
+def _apart(window: CataloguePass, spans: Sequence[Pair]) -> bool:
     return all(window.aos_t_s > end + APART_S or window.los_t_s < begin - APART_S for begin, end in spans)
 
 

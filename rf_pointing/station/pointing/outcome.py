@@ -17,9 +17,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from rf_pointing.core import PointingError
+from rf_pointing.core import Array, Pair, PointingError
 from rf_pointing.core.pass_outcome import PassOutcome, error_of_power_rad, is_held
-from rf_pointing.core.types import Array
 from rf_pointing.station.pointing.antenna_watch import AxisState
 from rf_pointing.tracking.sensors import NO_SENSOR, SENSORS
 
@@ -127,7 +126,7 @@ class PassStatistics:
             self.square_rad2 += np.square([sensed.cross_elevation_rad, sensed.elevation_rad])
 
     @property
-    def rms_rad(self) -> tuple[float, float]:
+    def rms_rad(self) -> Pair:
         """RMS of the sensed errors, cross-elevation and elevation; zero without any."""
         right, up = np.sqrt(self.square_rad2 / max(self.samples, 1)).tolist()
         return right, up

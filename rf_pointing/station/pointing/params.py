@@ -8,8 +8,7 @@ import math
 from dataclasses import dataclass
 
 from rf_pointing.controllers import TrackerIntegratorParams
-from rf_pointing.core import Params, parameter
-from rf_pointing.core.kinematics import Kinematics
+from rf_pointing.core import Kinematics, Params, parameter
 from rf_pointing.ephemeris.solar import SunParams
 from rf_pointing.planning import AxisLimits, GateParams, HorizonMask, MachineParams
 from rf_pointing.rf import LinkParams
@@ -23,16 +22,14 @@ from rf_pointing.tracking.power_tracker import PowerTrackerParams
 class PointingParams(Params):
     """Timing of the commands and tolerances of the controller."""
 
-    period_s: float = parameter(0.1, "time between two trajectories", low=0.02, high=2.0)
-    transport_s: float = parameter(0.1, "first commanded point after the issue", low=0.0, high=2.0)
-    horizon_s: float = parameter(1.0, "last commanded point after the issue", low=0.2, high=10.0)
-    on_target_rad: float = parameter(math.radians(0.05), "axis error below which the slew is over", low=1e-6, high=0.1)
-    error_age_s: float = parameter(0.5, "age from which a sensed error is not used", low=0.05, high=10.0)
-    stop_deceleration_rad_s2: float = parameter(
-        math.radians(0.5), "deceleration of a controlled stop", low=1e-5, high=1.0
-    )
+    period_s: float = parameter(0.1, "time between two trajectories", 0.02, 2.0)
+    transport_s: float = parameter(0.1, "first commanded point after the issue", 0.0, 2.0)
+    horizon_s: float = parameter(1.0, "last commanded point after the issue", 0.2, 10.0)
+    on_target_rad: float = parameter(math.radians(0.05), "axis error below which the slew is over", 1e-6, 0.1)
+    error_age_s: float = parameter(0.5, "age from which a sensed error is not used", 0.05, 10.0)
+    stop_deceleration_rad_s2: float = parameter(math.radians(0.5), "deceleration of a controlled stop", 1e-5, 1.0)
     lag_averaging_s: float = parameter(
-        0.0, "time in which the lags of the mount build up after a start from rest (0: at once)", low=0.0, high=100.0
+        0.0, "time in which the lags of the mount build up after a start from rest (0: at once)", 0.0, 100.0
     )
 
     def check_together(self) -> None:
@@ -55,8 +52,8 @@ class PointingParams(Params):
 class AlarmParams(Params):
     """From when on a target that is not held is reported on /diagnostics."""
 
-    lost_warning_s: float = parameter(1.0, "time without the target that is a warning", low=0.0, high=3600.0)
-    lost_error_s: float = parameter(20.0, "time without the target that is an error", low=0.0, high=3600.0)
+    lost_warning_s: float = parameter(1.0, "time without the target that is a warning", 0.0, 3600.0)
+    lost_error_s: float = parameter(20.0, "time without the target that is an error", 0.0, 3600.0)
 
     ordered = ("lost_error_s >= lost_warning_s",)
 
@@ -88,10 +85,7 @@ class ControllerParams(PowerTrackerParams):
 
 
 LIVE: dict[str, bool | tuple[str, ...]] = {
-    "axes": True,
-    "alarm": True,
-    "limits": True,
-    "autotrack": True,
+    "axes": True, "alarm": True, "limits": True, "autotrack": True,
     "pointing": ("on_target_deg", "error_age_s", "stop_deceleration_deg_s2", "lag_averaging_s"),
-}
+}  # fmt: skip
 """Parameters that may change while the controller works, by edge names; timing may not."""

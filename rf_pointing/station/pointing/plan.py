@@ -9,12 +9,9 @@ import numpy as np
 
 from rf_pointing.calibration import BiasModel
 from rf_pointing.controllers import CommandPreprocessor, CommandPreprocessorParams
-from rf_pointing.core import JointReading, Motion, nearest_turn_rad
+from rf_pointing.core import DESIGNATED, Array, JointReading, Motion, Pair, nearest_turn_rad
 from rf_pointing.core.kinematics import LEVEL, Kinematics
-from rf_pointing.core.signals import DESIGNATED
-from rf_pointing.core.types import Array, Pair
-from rf_pointing.ephemeris import Pass
-from rf_pointing.ephemeris.solar import SolarDirection, SunPermit
+from rf_pointing.ephemeris import Pass, SolarDirection, SunPermit
 from rf_pointing.planning import (
     AxisLimits,
     Branch,
@@ -100,15 +97,9 @@ class PassPlan:
     """Profiles of the coming passes, and the branch of the one that is tracked."""
 
     def __init__(
-        self,
-        machine: MachineParams,
-        mask: HorizonMask,
-        gate: GateParams,
-        limits: AxisLimits,
-        sun: SolarDirection,
-        on_target_rad: float,
-        mount: Kinematics = LEVEL,
-    ) -> None:
+        self, machine: MachineParams, mask: HorizonMask, gate: GateParams, limits: AxisLimits,
+        sun: SolarDirection, on_target_rad: float, mount: Kinematics = LEVEL,
+    ) -> None:  # fmt: skip
         self.machine, self.mask, self._gate_params, self.sun, self.mount = machine, mask, gate, sun, mount
         self.profiles: list[PassProfile] = []
         self.certificate: Certificate | None = None
@@ -154,16 +145,10 @@ class PassPlan:
         self._judged: PassProfile | None = None
 
     def choose(
-        self,
-        t_s: float,
-        window: Pass,
-        joints: JointReading,
-        model: BiasModel,
-        lag_averaging_s: float = 0.0,
-        cost: Callable[[PassProfile], SensorCost] | None = None,
-        *,
+        self, t_s: float, window: Pass, joints: JointReading, model: BiasModel,
+        lag_averaging_s: float = 0.0, cost: Callable[[PassProfile], SensorCost] | None = None, *,
         direct: bool = False,
-    ) -> None:
+    ) -> None:  # fmt: skip
         """Issue the certificate of a pass and take its branch; `direct`: not over the top.
 
         Raises

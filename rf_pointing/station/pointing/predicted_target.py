@@ -9,9 +9,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from rf_pointing import ephemeris
-from rf_pointing.core import HeldDirection, Params, SkyUncertainty, Target, parameter
+from rf_pointing.core import HeldDirection, Params, SkyUncertainty, Target, leaves, parameter
 from rf_pointing.core.dates import DAY_S, utc_text
-from rf_pointing.core.parameters import leaves
 from rf_pointing.core.signals import DESIGNATED
 from rf_pointing.ephemeris import (
     ElementUncertainty,
@@ -42,11 +41,11 @@ ATTITUDE_SHARE = 0.02
 class PublisherParams(Params):
     """How far ahead and how often the target is published, and which passes count."""
 
-    period_s: float = parameter(0.1, "time between two targets", low=0.02, high=10.0)
-    lead_s: float = parameter(2.0, "how far ahead of its time a target is published", low=0.0, high=60.0)
-    margin_s: float = parameter(5.0, "publishing begins before and ends after a pass by", low=0.0, high=600.0)
-    mask_rad: float = parameter(math.radians(5.0), "elevation at which a pass begins and ends", low=0.0, high=1.5)
-    span_s: float = parameter(86400.0, "how far ahead passes are looked for", low=60.0, high=2.6e6)
+    period_s: float = parameter(0.1, "time between two targets", 0.02, 10.0)
+    lead_s: float = parameter(2.0, "how far ahead of its time a target is published", 0.0, 60.0)
+    margin_s: float = parameter(5.0, "publishing begins before and ends after a pass by", 0.0, 600.0)
+    mask_rad: float = parameter(math.radians(5.0), "elevation at which a pass begins and ends", 0.0, 1.5)
+    span_s: float = parameter(86400.0, "how far ahead passes are looked for", 60.0, 2.6e6)
     state_file: str = parameter("", "file that keeps target, offsets and hold over a restart; empty: not kept")
     learned_file: str = parameter(
         "", "file that keeps what passes taught of the satellites' times along their orbits; empty: not kept"

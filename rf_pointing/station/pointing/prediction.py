@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from rf_pointing.calibration import BiasModel, LagHistory, LagState, without_lags
 from rf_pointing.core import JointReading, Motion, Quintic, Target, nearest_turn_rad
-from rf_pointing.core.types import TURN, Array
+from rf_pointing.core.types import TURN, Array, Pair
 from rf_pointing.planning import PassProfile, plunged
 
 if TYPE_CHECKING:
@@ -152,7 +152,7 @@ class TargetBuffer:
         """Return the distances (n,), linear between samples, the nearest one outside."""
         return np.asarray(np.interp(np.asarray(t_s, dtype=np.float64), self._times, self._ranges))
 
-    def path(self, t_s: float) -> tuple[float, float]:
+    def path(self, t_s: float) -> Pair:
         """Return the distance, and the gain (dB) of the target's antenna, like `range_m`."""
         gain_db = np.interp(t_s, self._times, self._gains)
         return float(np.interp(t_s, self._times, self._ranges)), float(gain_db)

@@ -10,9 +10,7 @@ import math
 import numpy as np
 
 from rf_pointing.controllers import TrackerIntegratorParams
-from rf_pointing.core import MU, Mode, Motion, random_stream
-from rf_pointing.core.pass_outcome import received_power
-from rf_pointing.core.types import Array
+from rf_pointing.core import MU, Array, Mode, Motion, Pair, random_stream, received_power
 from rf_pointing.planning import AxisRates, SensorCost
 from rf_pointing.rf.dish_array import DishArrayParams, direction_sigmas_rad
 from rf_pointing.tracking import (
@@ -62,7 +60,7 @@ class Scans:
 
     def __init__(self, spiral: SpiralParams, calibration: ScanParams, probe: ScanParams | None, sets: object) -> None:
         self.spiral = spiral
-        self._demands: dict[str, tuple[float, float]] = {}
+        self._demands: dict[str, Pair] = {}
         self.sensors: dict[str, Scan] = {
             traits.name: traits.scan or getattr(sets, traits.name) for traits in SENSORS.values() if traits.scans
         }
@@ -77,7 +75,7 @@ class Scans:
         """Return how long before the stamp of an error its samples lie, on average."""
         return self.sensors[sensor].age_s if sensor in self.sensors else 0.0
 
-    def demand(self, mode: str) -> tuple[float, float]:
+    def demand(self, mode: str) -> Pair:
         """Return the largest rate and acceleration across the line of sight of a mode's scan."""
         if mode == Mode.PROGRAM_TRACK and self.program is not None:
             return self.program.demand
@@ -103,7 +101,7 @@ class ScanPatterns:
         self.running = ""
         self._start_s = 0.0
         self._pattern: Pattern | None = None
-        self._per_track: tuple[float, float] | None = None
+        self._per_track: Pair | None = None
         self._path: TrackPath | None = None
         self._ahead_s = 0.0
 

@@ -6,8 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rf_pointing.core.signals import HeldDirection
-from rf_pointing.core.types import Array
+from rf_pointing.core import Array, HeldDirection
 from rf_pointing.tracking.sensors import SENSORS
 
 

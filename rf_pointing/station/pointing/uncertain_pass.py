@@ -12,10 +12,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rf_pointing.core import MU, Mode, random_stream
-from rf_pointing.core.kinematics import LEVEL, Kinematics
-from rf_pointing.core.pass_outcome import received_power
-from rf_pointing.core.types import Array
+from rf_pointing.core import LEVEL, MU, Array, Kinematics, Mode, random_stream, received_power
 from rf_pointing.planning import PassProfile, SensorCost
 from rf_pointing.station.pointing.scan_patterns import RINGS, SPOKES, ScanPatterns, Scans
 from rf_pointing.tracking import AutotrackParams, SkyMotion, TrackPath, TrimFilter, TrimParams, direction_rows

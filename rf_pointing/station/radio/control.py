@@ -8,8 +8,7 @@ at its microphone, is unkeyed with the next step or message that brings the reas
 import math
 from collections.abc import Callable
 
-from rf_pointing.core import Target
-from rf_pointing.core.types import Pair
+from rf_pointing.core import Pair, Target
 from rf_pointing.drives.line_server import INVALID, IO_ERROR, REJECTED, Inquiry, LineServer
 from rf_pointing.drives.params import LinkParams
 from rf_pointing.drives.rigctld import RECEIVE, TRANSMIT, RadioView, Rig
@@ -39,13 +38,9 @@ class RadioControl:
     """
 
     def __init__(
-        self,
-        radio: RadioSection,
-        rules: TransmitRules,
-        view: RadioView,
-        say: Callable[[str], object] = str,
-        make_rig: Callable[..., Rig] = Rig,
-    ) -> None:
+        self, radio: RadioSection, rules: TransmitRules, view: RadioView,
+        say: Callable[[str], object] = str, make_rig: Callable[..., Rig] = Rig,
+    ) -> None:  # fmt: skip
         self._radio, self._rules, self.view, self._say = radio, rules, view, say
         known = radio.transponders.items()
         self._channels = {name.casefold(): Channel.of(each) for name, each in known}

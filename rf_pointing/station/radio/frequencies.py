@@ -14,8 +14,7 @@ from collections import deque
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from rf_pointing.core import Target
-from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
+from rf_pointing.core import SPEED_OF_LIGHT_M_S, Target
 from rf_pointing.station.description.content import RigSection, TransponderSection
 
 KEPT = 1000

@@ -11,10 +11,7 @@ from dataclasses import dataclass, field
 
 import serial
 
-from rf_pointing.core import Mode, Params, parameter
-from rf_pointing.core.kinematics import LEVEL, Kinematics
-from rf_pointing.core.pass_outcome import OF_ANTENNA
-from rf_pointing.core.types import Pair
+from rf_pointing.core import LEVEL, OF_ANTENNA, Kinematics, Mode, Pair, Params, parameter
 from rf_pointing.operations.partners import CONTACT_S
 from rf_pointing.planning.forbidden_sky import ForbiddenSky
 from rf_pointing.station.description.content import RadioSection
@@ -29,14 +26,9 @@ class InhibitParams(Params):
     """When the transmitter may not send."""
 
     most_error_beamwidths: float = parameter(
-        0.5,
-        "largest pointing error with the transmitter on, in half-power beamwidths",
-        low=0.01,
-        high=10.0,
+        0.5, "largest pointing error with the transmitter on, in half-power beamwidths", 0.01, 10.0
     )
-    silence_s: float = parameter(
-        0.5, "antenna and controller may be silent for so long", low=0.15, high=5.0
-    )
+    silence_s: float = parameter(0.5, "antenna and controller may be silent for so long", 0.15, 5.0)
 
 
 @dataclass(slots=True)
@@ -67,12 +59,9 @@ class TransmitRules:
     """The reasons of one station."""
 
     def __init__(
-        self,
-        params: InhibitParams,
-        radio: RadioSection,
-        sky: ForbiddenSky,
+        self, params: InhibitParams, radio: RadioSection, sky: ForbiddenSky,
         mount: Kinematics = LEVEL,
-    ) -> None:
+    ) -> None:  # fmt: skip
         self._params, self._radio, self._sky, self._mount = params, radio, sky, mount
 
     def reason(self, antenna: Antenna, target: str, sun_rad: Pair | None, wall_s: float) -> str:

@@ -53,25 +53,15 @@ class ScanNumbers:
         fit = self.fit
         offset, sigma = np.degrees([fit.offset_rad, fit.sigma_rad]).tolist()
         found: dict[str, Any] = {
-            "utc": utc_text(self.t_s),
-            "target": self.name,
-            "station": self.station,
-            "band": self.band,
-            "pattern": self.pattern,
+            "utc": utc_text(self.t_s), "target": self.name, "station": self.station,
+            "band": self.band, "pattern": self.pattern,
             "azimuth_deg": math.degrees(self.azimuth_rad) % 360.0,
-            "elevation_deg": math.degrees(self.elevation_rad),
-            "cross_elevation_deg": offset[0],
-            "cross_elevation_sigma_deg": sigma[0],
-            "elevation_offset_deg": offset[1],
-            "elevation_sigma_deg": sigma[1],
-            "beamwidth_deg": math.degrees(fit.values[WIDTH]),
-            "ellipticity": fit.ellipticity,
-            "shape": fit.shape,
-            "snr": fit.snr,
-            "chi_squared": fit.chi_squared,
-            "powers": len(self.samples.t_s),
-            "edited": fit.edited,
-        }
+            "elevation_deg": math.degrees(self.elevation_rad), "cross_elevation_deg": offset[0],
+            "cross_elevation_sigma_deg": sigma[0], "elevation_offset_deg": offset[1],
+            "elevation_sigma_deg": sigma[1], "beamwidth_deg": math.degrees(fit.values[WIDTH]),
+            "ellipticity": fit.ellipticity, "shape": fit.shape, "snr": fit.snr,
+            "chi_squared": fit.chi_squared, "powers": len(self.samples.t_s), "edited": fit.edited,
+        }  # fmt: skip
         if self.figures is not None and self.flux is not None:
             found |= {"flux_jy": self.flux.flux_w_m2_hz * 1e26, "flux_source": self.flux.source}
             for each in dataclasses.fields(Figures):

@@ -18,10 +18,8 @@ from typing import Any
 
 import numpy as np
 
-from rf_pointing.core import Params, angular_distance_rad, parameter
+from rf_pointing.core import Array, KeptState, Pair, Params, angular_distance_rad, parameter
 from rf_pointing.core.dates import DAY_S as DAY_LENGTH_S
-from rf_pointing.core.types import Array, Pair
-from rf_pointing.core.whole_file import KeptState
 from rf_pointing.station.service.sidereal import Sample, SiderealMotion
 
 # Times at which a resting place is tried: close together at first, for fast targets.
@@ -40,24 +38,22 @@ REFERENCE_SHARE = 0.02
 class ServiceParams(Params):
     """How closely a service holds its target, and how often it looks where that is."""
 
-    hold_beams: float = parameter(
-        0.18, "target off the axis at which the antenna moves", low=0.02, high=0.5
-    )
-    peak_beams: float = parameter(0.25, "length of the moves of a peak", low=0.05, high=0.5)
+    hold_beams: float = parameter(0.18, "target off the axis at which the antenna moves", 0.02, 0.5)
+    peak_beams: float = parameter(0.25, "length of the moves of a peak", 0.05, 0.5)
     sigma_beams: float = parameter(
-        0.06, "uncertainty of the target at which a peak is taken", low=0.01, high=0.3
+        0.06, "uncertainty of the target at which a peak is taken", 0.01, 0.3
     )
-    shortest_s: float = parameter(60.0, "least time between two peaks", low=10.0, high=86400.0)
-    longest_s: float = parameter(21600.0, "longest time between two peaks", low=60.0, high=864000.0)
+    shortest_s: float = parameter(60.0, "least time between two peaks", 10.0, 86400.0)
+    longest_s: float = parameter(21600.0, "longest time between two peaks", 60.0, 864000.0)
     settle_s: float = parameter(
-        3.0, "time from the end of a move to the first level that counts", low=0.0, high=60.0
+        3.0, "time from the end of a move to the first level that counts", 0.0, 60.0
     )
-    measure_s: float = parameter(12.0, "time over which a level is averaged", low=1.0, high=600.0)
+    measure_s: float = parameter(12.0, "time over which a level is averaged", 1.0, 600.0)
     level_db: float = parameter(
-        0.15, "one sigma of a difference of levels: noise and weather", low=0.01, high=3.0
+        0.15, "one sigma of a difference of levels: noise and weather", 0.01, 3.0
     )
     lost_db: float = parameter(
-        8.0, "level below the usual one at which the beacon counts as lost", low=3.0, high=40.0
+        8.0, "level below the usual one at which the beacon counts as lost", 3.0, 40.0
     )
 
     ordered = ("shortest_s <= longest_s",)
@@ -74,7 +70,7 @@ class Service:
         self._base, self._sun = base, sun
         self.starts = np.zeros(2, dtype=int)
         self.peaks, self.state = 0, "waits for the position of the axes"
-        self._levels: deque[tuple[float, float]] = deque()
+        self._levels: deque[Pair] = deque()
         self._before: Sample | None = None
         self._moved_s, self._peaked_s = -math.inf, -math.inf
         self._steps: list[Array] = []

@@ -20,8 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from rf_pointing.core import MU
-from rf_pointing.core.types import Array
+from rf_pointing.core import MU, Array
 
 SIDEREAL_DAY_S = 86164.0905
 HARMONICS = 4

@@ -14,12 +14,9 @@ from rf_pointing.array_sensors.attitude.attitude_report import (
 )
 
 SOUND: dict[str, Any] = {
-    "t_s": 1.0,
-    "quaternion": np.array([0.0, 0.0, 0.6, 0.8]),
-    "covariance_rad2": np.diag([1.0, 2.0, 3.0]),
-    "valid": True,
-    "reason": "",
-}
+    "t_s": 1.0, "quaternion": np.array([0.0, 0.0, 0.6, 0.8]),
+    "covariance_rad2": np.diag([1.0, 2.0, 3.0]), "valid": True, "reason": "",
+}  # fmt: skip
 
 
 @pytest.mark.parametrize(

@@ -182,13 +182,11 @@ def test_bias_of_the_cosines_is_taken_off_on_the_sphere(stream: np.random.Genera
         # A second seen without the bias: the same spread belongs to it.
         seen, exact = (
             DirectionObservation(
-                each,
-                1e-6 * cosine_slopes(each) @ cosine_slopes(each).T,
-                quaternion_to_matrix(attitude) @ expected,
-                bias_rad=sigma * cosine_slopes(each),
+                each, 1e-6 * cosine_slopes(each) @ cosine_slopes(each).T,
+                quaternion_to_matrix(attitude) @ expected, bias_rad=sigma * cosine_slopes(each),
             )
             for each in (measured, expected)
-        )
+        )  # fmt: skip
         biases = update(state, seen, GATE).biases
         assert biases is not None
         estimate = np.concatenate([bias / sigma, np.zeros(3)])
@@ -252,14 +250,10 @@ def test_mean_nees_of_100_runs_lies_in_its_95_percent_band(torque_n_m: float, cl
     noise = ProcessNoiseParams(torque_n_m=torque_n_m)
     planted = torque_n_m * stream.standard_normal((runs, 3))
     satellite = SimulatedSatellite(
-        SatelliteParams(),
-        NadirHoldParams(),
-        noise,
-        t_s=t_s[0],
-        quaternion=np.tile([0.0, 0.0, 0.0, 1.0], (runs, 1)),
-        rate_rad_s=np.tile(rate[0], (runs, 1)),
+        SatelliteParams(), NadirHoldParams(), noise, t_s=t_s[0],
+        quaternion=np.tile([0.0, 0.0, 0.0, 1.0], (runs, 1)), rate_rad_s=np.tile(rate[0], (runs, 1)),
         seed=4,
-    )
+    )  # fmt: skip
     truth = satellite.state
     start = multiply(quaternion_from_rotation_vector(0.01 * stream.standard_normal((runs, 3))), truth.quaternion)
     state = start_state(start, truth.rate_rad_s + 1e-4 * stream.standard_normal((runs, 3)), 0.01, 1e-4, GATE)
@@ -277,11 +271,9 @@ def test_mean_nees_of_100_runs_lies_in_its_95_percent_band(torque_n_m: float, cl
         measured = expected + error - np.sum(error * expected, axis=1, keepdims=True) * expected
         measured /= np.linalg.norm(measured, axis=1, keepdims=True)
         seen = DirectionObservation(
-            measured,
-            across(measured, sigma),
-            np.broadcast_to(reference[k], (runs, 3)),
+            measured, across(measured, sigma), np.broadcast_to(reference[k], (runs, 3)),
             reference_bias_rad=by_clock[k][:, None] if clock_s else None,
-        )
+        )  # fmt: skip
         state = update(state, seen, GATE)
         if k % 40 == 39:
             scores.append(np.mean(nees(attitude_error(state, truth.quaternion, truth.rate_rad_s), state.covariance)))

@@ -98,11 +98,9 @@ def test_response_that_no_array_has_is_refused(gain: np.ndarray, coupling: np.nd
 
 def test_response_is_built_from_levels_and_phases() -> None:
     found = ResponseParams(
-        gain_db=(6.0,) + (0.0,) * 11,
-        gain_phase_rad=(0.0, 0.5) + (0.0,) * 10,
-        coupling_db=(-20.0,) * 6,
-        coupling_phase_rad=(0.3,) * 6,
-    ).response(12)
+        gain_db=(6.0,) + (0.0,) * 11, gain_phase_rad=(0.0, 0.5) + (0.0,) * 10,
+        coupling_db=(-20.0,) * 6, coupling_phase_rad=(0.3,) * 6,
+    ).response(12)  # fmt: skip
     assert found is not None
     assert abs(found.gain[0]) == pytest.approx(10.0**0.3)
     assert np.angle(found.gain[1]) == pytest.approx(0.5)

@@ -73,38 +73,21 @@ def simulated(
     stations: list[GroundStation] = STATIONS, response: ArrayResponse | None = None, **scenario: Any
 ) -> SimulatedDoa:
     return SimulatedDoa(
-        ARRAY,
-        ArraySourceParams(),
-        ORBIT,
-        stations,
-        SatelliteParams(),
-        NadirHoldParams(),
-        ProcessNoiseParams(),
-        DoaScenarioParams(**scenario),
-        5,
-        response=response,
-    )
+        ARRAY, ArraySourceParams(), ORBIT, stations, SatelliteParams(), NadirHoldParams(),
+        ProcessNoiseParams(), DoaScenarioParams(**scenario), 5, response=response,
+    )  # fmt: skip
 
 
 def chain(
-    stations: list[GroundStation] = STATIONS,
-    estimator: DoaEstimatorParams | None = None,
-    noise: ProcessNoiseParams | None = None,
-    response: ArrayResponse | None = None,
-    **params: Any,
-) -> DoaAttitude:
+    stations: list[GroundStation] = STATIONS, estimator: DoaEstimatorParams | None = None,
+    noise: ProcessNoiseParams | None = None, response: ArrayResponse | None = None, **params: Any,
+) -> DoaAttitude:  # fmt: skip
     noise = noise or ProcessNoiseParams()
     filtering = (DoaAttitudeParams(), StartParams(settle_s=10.0), noise, GateParams(), WatchParams())
     return DoaAttitude(
-        ARRAY,
-        estimator or DoaEstimatorParams(),
-        ORBIT,
-        stations,
-        SatelliteParams(),
-        filtering,
-        DoaChainParams(**params),
-        response=response,
-    )
+        ARRAY, estimator or DoaEstimatorParams(), ORBIT, stations, SatelliteParams(), filtering,
+        DoaChainParams(**params), response=response,
+    )  # fmt: skip
 
 
 def moments(seconds: int, **scenario: Any) -> list[DoaMoment]:

@@ -31,16 +31,10 @@ SIGMA = 0.004
 
 def doa_filter(**changes: float) -> DoaAttitudeFilter:
     return DoaAttitudeFilter(
-        SatelliteParams(),
-        DoaAttitudeParams(**changes),
-        StartParams(),
-        ProcessNoiseParams(),
-        GateParams(),
-        WatchParams(),
-        t_s=0.0,
-        quaternion=np.array([0.0, 0.0, 0.0, 1.0]),
+        SatelliteParams(), DoaAttitudeParams(**changes), StartParams(), ProcessNoiseParams(),
+        GateParams(), WatchParams(), t_s=0.0, quaternion=np.array([0.0, 0.0, 0.0, 1.0]),
         rate_rad_s=quaternion_to_matrix(TRUTH).T @ ORBIT_RATE,
-    )
+    )  # fmt: skip
 
 
 def direction(station: str, reference: list[float], sigma: float = SIGMA) -> StationDirection:
@@ -171,16 +165,10 @@ def test_unusable_prediction_is_refused_and_changes_nothing(t_s: float, known: K
 def test_non_unit_start_is_refused() -> None:
     with pytest.raises(ValueError, match="norm"):
         DoaAttitudeFilter(
-            SatelliteParams(),
-            DoaAttitudeParams(),
-            StartParams(),
-            ProcessNoiseParams(),
-            GateParams(),
-            WatchParams(),
-            t_s=0.0,
-            quaternion=np.array([0.0, 0.0, 0.0, 2.0]),
+            SatelliteParams(), DoaAttitudeParams(), StartParams(), ProcessNoiseParams(),
+            GateParams(), WatchParams(), t_s=0.0, quaternion=np.array([0.0, 0.0, 0.0, 2.0]),
             rate_rad_s=np.zeros(3),
-        )
+        )  # fmt: skip
 
 
 def test_resuming_from_the_state_gives_the_same_output() -> None:

@@ -31,12 +31,9 @@ STRONG_DB_HZ = 54.0
 
 def truth(t_s: float, offset_rad: np.ndarray, level_db_hz: float = STRONG_DB_HZ) -> PointingError:
     return PointingError(
-        t_s=t_s,
-        sensor="truth",
-        cross_elevation_rad=float(offset_rad[0]),
-        elevation_rad=float(offset_rad[1]),
-        carrier_to_noise_db_hz=level_db_hz,
-    )
+        t_s=t_s, sensor="truth", cross_elevation_rad=float(offset_rad[0]),
+        elevation_rad=float(offset_rad[1]), carrier_to_noise_db_hz=level_db_hz,
+    )  # fmt: skip
 
 
 def measured(array: DishArrayParams, offsets_rad: np.ndarray, level_db_hz: float, seed: int = 3) -> list[PointingError]:

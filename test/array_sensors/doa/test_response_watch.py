@@ -18,13 +18,9 @@ NONE = np.zeros(6, complex)
 
 
 def misfits(
-    count: int,
-    sources: int,
-    snr_db: float,
-    response: ArrayResponse | None = None,
-    excluded: str = "",
-    towards: np.ndarray = TOWARDS,
-) -> list[ResponseMisfit]:
+    count: int, sources: int, snr_db: float, response: ArrayResponse | None = None,
+    excluded: str = "", towards: np.ndarray = TOWARDS,
+) -> list[ResponseMisfit]:  # fmt: skip
     """Return the misfits of `count` blocks, of all their sources."""
     source = ArraySource(ARRAY, ArraySourceParams(), seed=3, response=response)
     estimator = DoaEstimator(ARRAY, DoaEstimatorParams(sources=sources, excluded=excluded))

@@ -32,14 +32,9 @@ def test_an_offset_decays_as_the_second_order_equation_of_the_hold_says() -> Non
     silent = ProcessNoiseParams(attitude_rad2_s=0.0, rate_rad2_s3=0.0)
     start = quaternion_from_rotation_vector(offset_rad * np.eye(3))
     moving = SimulatedSatellite(
-        SatelliteParams(),
-        hold,
-        silent,
-        t_s=0.0,
-        quaternion=np.stack([start, -start]),
-        rate_rad_s=np.zeros((2, 3, 3)),
-        seed=1,
-    )
+        SatelliteParams(), hold, silent, t_s=0.0, quaternion=np.stack([start, -start]),
+        rate_rad_s=np.zeros((2, 3, 3)), seed=1,
+    )  # fmt: skip
     root = np.sqrt(1.0 - hold.damping**2)
     for step in range(1, 601):
         moving.step(step_s, moving.hold_torque(np.zeros(3)), np.zeros(3))

@@ -30,11 +30,9 @@ SIGMAS = 4.5
 @pytest.fixture
 def estimate(rng) -> PoseEstimate:
     motion = RelativeMotion(
-        position_m=np.array([50.0, 4.0, -7.0]),
-        velocity_m_s=np.array([-0.3, 0.1, 0.2]),
-        attitude=attitude_from_euler(0.4, -0.3, 1.1),
-        rate_rad_s=np.array([0.02, -0.01, 0.03]),
-    )
+        position_m=np.array([50.0, 4.0, -7.0]), velocity_m_s=np.array([-0.3, 0.1, 0.2]),
+        attitude=attitude_from_euler(0.4, -0.3, 1.1), rate_rad_s=np.array([0.02, -0.01, 0.03]),
+    )  # fmt: skip
     root = rng.normal(size=(12, 12)) * 1e-4
     return PoseEstimate(t_s=1.0, motion=motion, covariance=root @ root.T, excitation=np.ones(2))
 

@@ -10,15 +10,10 @@ from rf_pointing.array_sensors.interferometer.measurement import (
 
 def measurement(**changes) -> InterferometerMeasurement:
     fields = {
-        "t_s": 1.0,
-        "phase_rad": np.zeros((9, 3, 3)),
-        "phase_rate_rad_s": np.zeros((9, 3, 3)),
-        "amplitudes": np.eye(2),
-        "amplitude_sigma": 0.01,
-        "snr_forward": np.full(9, 100.0),
-        "snr_return": np.full((9, 3, 3), 100.0),
-        "locked": np.ones((9, 3, 3), dtype=bool),
-    }
+        "t_s": 1.0, "phase_rad": np.zeros((9, 3, 3)), "phase_rate_rad_s": np.zeros((9, 3, 3)),
+        "amplitudes": np.eye(2), "amplitude_sigma": 0.01, "snr_forward": np.full(9, 100.0),
+        "snr_return": np.full((9, 3, 3), 100.0), "locked": np.ones((9, 3, 3), dtype=bool),
+    }  # fmt: skip
     return InterferometerMeasurement(**{**fields, **changes})
 
 

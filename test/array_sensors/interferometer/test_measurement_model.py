@@ -28,11 +28,9 @@ LOUD = RadioParams(forward_power_w=1e6, return_power_w=1e6, phase_noise_rad=0.0)
 @pytest.fixture
 def tracked() -> TrackedMotion:
     motion = RelativeMotion(
-        position_m=np.array([80.0, -30.0, 25.0]),
-        velocity_m_s=np.array([-1.0, 0.4, 0.7]),
-        attitude=attitude_from_euler(0.3, -0.5, 2.9),
-        rate_rad_s=np.array([0.01, -0.03, 0.02]),
-    )
+        position_m=np.array([80.0, -30.0, 25.0]), velocity_m_s=np.array([-1.0, 0.4, 0.7]),
+        attitude=attitude_from_euler(0.3, -0.5, 2.9), rate_rad_s=np.array([0.01, -0.03, 0.02]),
+    )  # fmt: skip
     return TrackedMotion(motion=motion, excitation=np.array([0.9, 1.1]))
 
 
@@ -74,13 +72,11 @@ def test_cartesian_covariance_is_that_of_drawn_motions_along_the_sight_too(rng) 
     """80 km away, 40 m across, the range known to a millimetre: the way along the sight is 10 mm short."""
     far = TrackedMotion(
         motion=RelativeMotion(
-            position_m=np.array([7.9e4, 9e3, -6e3]),
-            velocity_m_s=np.array([-1.0, 0.4, 0.7]),
-            attitude=attitude_from_euler(0.3, -0.5, 2.9),
-            rate_rad_s=np.zeros(3),
+            position_m=np.array([7.9e4, 9e3, -6e3]), velocity_m_s=np.array([-1.0, 0.4, 0.7]),
+            attitude=attitude_from_euler(0.3, -0.5, 2.9), rate_rad_s=np.zeros(3),
         ),
         excitation=np.ones(2),
-    )
+    )  # fmt: skip
     sigma = np.r_[1e-3, 40.0, 25.0, 4e-4, 0.3, 0.2, np.full(3, 1e-3), np.full(3, 1e-4), 0.0, 0.0]
     mixed = np.eye(SIZE)
     mixed[1, 4] = mixed[4, 1] = 0.7
@@ -101,11 +97,9 @@ def test_cartesian_covariance_is_that_of_drawn_motions_along_the_sight_too(rng) 
 @pytest.fixture
 def slow_motion() -> TrackedMotion:
     motion = RelativeMotion(
-        position_m=np.array([800.0, -60.0, 90.0]),
-        velocity_m_s=np.array([-0.4, 0.2, 0.1]),
-        attitude=attitude_from_euler(0.3, -0.2, 0.9),
-        rate_rad_s=np.array([0.002, -0.001, 0.003]),
-    )
+        position_m=np.array([800.0, -60.0, 90.0]), velocity_m_s=np.array([-0.4, 0.2, 0.1]),
+        attitude=attitude_from_euler(0.3, -0.2, 0.9), rate_rad_s=np.array([0.002, -0.001, 0.003]),
+    )  # fmt: skip
     return TrackedMotion(motion=motion, excitation=np.array([0.9, 1.1]))
 
 

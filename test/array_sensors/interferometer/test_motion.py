@@ -13,11 +13,9 @@ from rf_pointing.array_sensors.interferometer.motion import (
 
 def motion(rate=(0.02, -0.01, 0.03)) -> RelativeMotion:
     return RelativeMotion(
-        position_m=np.array([100.0, 5.0, -3.0]),
-        velocity_m_s=np.array([-0.5, 0.1, 0.2]),
-        attitude=attitude_from_euler(0.1, 0.2, 3.1),
-        rate_rad_s=np.array(rate),
-    )
+        position_m=np.array([100.0, 5.0, -3.0]), velocity_m_s=np.array([-0.5, 0.1, 0.2]),
+        attitude=attitude_from_euler(0.1, 0.2, 3.1), rate_rad_s=np.array(rate),
+    )  # fmt: skip
 
 
 def test_differences_of_successive_poses_return_constant_rates() -> None:

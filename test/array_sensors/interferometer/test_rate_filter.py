@@ -18,11 +18,9 @@ NO_FLOOR = ErrorFloor(
     phase_rad=0.0, phase_rate_rad_s=0.0, amplitude=0.0, path_acceleration_m_s2=0.0, first_path_acceleration_m_s2=0.0
 )
 STEADY = FilterParams(
-    acceleration_density_m_s2=1e-9,
-    angular_acceleration_density_rad_s2=1e-12,
-    first_velocity_m_s=0.5,
-    first_rate_rad_s=2e-3,
-)
+    acceleration_density_m_s2=1e-9, angular_acceleration_density_rad_s2=1e-12,
+    first_velocity_m_s=0.5, first_rate_rad_s=2e-3,
+)  # fmt: skip
 STEP_S = 2.0
 
 

@@ -113,11 +113,9 @@ def test_differences_from_the_return_carriers_are_exact_and_keep_the_mean(worked
 @pytest.fixture
 def far() -> TrackedMotion:
     motion = RelativeMotion(
-        position_m=np.array([6e4, 4e3, -3e3]),
-        velocity_m_s=np.array([-0.5, 0.2, 0.1]),
-        attitude=attitude_from_euler(0.2, -0.1, 0.4),
-        rate_rad_s=np.array([1e-3, -2e-3, 1e-3]),
-    )
+        position_m=np.array([6e4, 4e3, -3e3]), velocity_m_s=np.array([-0.5, 0.2, 0.1]),
+        attitude=attitude_from_euler(0.2, -0.1, 0.4), rate_rad_s=np.array([1e-3, -2e-3, 1e-3]),
+    )  # fmt: skip
     return TrackedMotion(motion=motion, excitation=np.ones(2))
 
 
@@ -164,11 +162,9 @@ def test_an_acceleration_of_the_path_is_measured_and_only_what_is_left_is_in_the
     """5 m/s across at 2 km: 0.025 m/s^2 of two-way path, 8 mm of range that no rate removes."""
     system = InterferometerSystem()
     near = RelativeMotion(
-        position_m=far.motion.position_m / 30.0,
-        velocity_m_s=np.array([0.0, 5.0, 0.0]),
-        attitude=far.motion.attitude,
-        rate_rad_s=far.motion.rate_rad_s,
-    )
+        position_m=far.motion.position_m / 30.0, velocity_m_s=np.array([0.0, 5.0, 0.0]),
+        attitude=far.motion.attitude, rate_rad_s=far.motion.rate_rad_s,
+    )  # fmt: skip
     tracked = TrackedMotion(motion=near, excitation=np.ones(2))
     measured = InterferometerSource(system, RadioParams(), LinkParams(), 5).measure(0.0, near)
     sigmas = {}

@@ -129,11 +129,9 @@ def test_excitation_of_a_dipole_along_the_path_is_refused() -> None:
 def off_by(angle_deg: float) -> Geometry:
     angle = np.radians(angle_deg)
     return Geometry(
-        range_m=np.array(1e4),
-        forward=direction_from_angles(angle, 0.0),
-        reverse=direction_from_angles(np.pi + angle, 0.0),
-        roll_rad=np.array(angle),
-    )
+        range_m=np.array(1e4), forward=direction_from_angles(angle, 0.0),
+        reverse=direction_from_angles(np.pi + angle, 0.0), roll_rad=np.array(angle),
+    )  # fmt: skip
 
 
 @pytest.mark.parametrize("distance", [5.0, 300.0, 1e5])

@@ -23,11 +23,9 @@ TRIALS = 100
 
 def far(roll: float = 0.4, excitation=(1.0, 1.0)) -> TrackedMotion:
     motion = RelativeMotion(
-        position_m=np.array([6e4, 4e3, -3e3]),
-        velocity_m_s=np.array([-0.5, 0.2, 0.1]),
-        attitude=attitude_from_euler(0.2, -0.1, roll),
-        rate_rad_s=np.array([1e-3, -2e-3, 1e-3]),
-    )
+        position_m=np.array([6e4, 4e3, -3e3]), velocity_m_s=np.array([-0.5, 0.2, 0.1]),
+        attitude=attitude_from_euler(0.2, -0.1, roll), rate_rad_s=np.array([1e-3, -2e-3, 1e-3]),
+    )  # fmt: skip
     return TrackedMotion(motion=motion, excitation=np.array(excitation))
 
 

@@ -24,11 +24,9 @@ def source(seed: int = 1, radio: RadioParams | None = None, **options) -> Interf
 
 def drifting(roll: float = 0.3) -> RelativeMotion:
     return RelativeMotion(
-        position_m=np.array([5e3, 300.0, -200.0]),
-        velocity_m_s=np.array([-0.8, 0.1, 0.05]),
-        attitude=attitude_from_euler(0.1, -0.15, roll),
-        rate_rad_s=np.array([5e-3, 1e-3, -1e-3]),
-    )
+        position_m=np.array([5e3, 300.0, -200.0]), velocity_m_s=np.array([-0.8, 0.1, 0.05]),
+        attitude=attitude_from_euler(0.1, -0.15, roll), rate_rad_s=np.array([5e-3, 1e-3, -1e-3]),
+    )  # fmt: skip
 
 
 def run(maker, truth, steps, state=None, first=0, tracker=TRACKER):

@@ -38,15 +38,11 @@ TORQUE = HeldTorque(
     ),
 )
 SEQUENCE = InterferometerMeasurement(
-    t_s=T_S,
-    phase_rad=RNG.uniform(0.0, 6.28, (SLOTS, 3, 3)),
-    phase_rate_rad_s=RNG.normal(size=(SLOTS, 3, 3)),
-    amplitudes=RNG.normal(size=(2, 2)),
-    amplitude_sigma=0.01,
-    snr_forward=RNG.uniform(20.0, 90.0, SLOTS),
-    snr_return=RNG.uniform(20.0, 90.0, (SLOTS, 3, 3)),
-    locked=RNG.uniform(size=(SLOTS, 3, 3)) > 0.3,
-)
+    t_s=T_S, phase_rad=RNG.uniform(0.0, 6.28, (SLOTS, 3, 3)),
+    phase_rate_rad_s=RNG.normal(size=(SLOTS, 3, 3)), amplitudes=RNG.normal(size=(2, 2)),
+    amplitude_sigma=0.01, snr_forward=RNG.uniform(20.0, 90.0, SLOTS),
+    snr_return=RNG.uniform(20.0, 90.0, (SLOTS, 3, 3)), locked=RNG.uniform(size=(SLOTS, 3, 3)) > 0.3,
+)  # fmt: skip
 
 
 def covariance(size: int) -> np.ndarray:
@@ -62,30 +58,20 @@ FRAME = TripulseFrame(
     t_s=T_S, station="usingen", sequence=17, steering=np.array([0.01, -0.02]), samples=complex_normal(60)
 )
 LINE = TripulseMeasurement(
-    t_s=T_S,
-    station="usingen",
-    sequence=17,
-    projections=np.array([0.011, -0.021]),
-    covariance=covariance(2),
-    sum_snr_db=34.5,
-    shift_hz=-120.5,
-    estimator="ratio",
-    valid=False,
+    t_s=T_S, station="usingen", sequence=17, projections=np.array([0.011, -0.021]),
+    covariance=covariance(2), sum_snr_db=34.5, shift_hz=-120.5, estimator="ratio", valid=False,
     reason="lost lock",
-)
+)  # fmt: skip
 HEARD = ChannelBlock(transmitters=("a", "b"), block=SnapshotBlock(t_s=T_S, snapshots=complex_normal(12, 5)))
 ATTITUDE = AttitudeReport(
     t_s=T_S, quaternion=QUATERNION, covariance_rad2=covariance(3), valid=False, reason="one station"
 )
 RATE = RateReport(t_s=T_S, rate_rad_s=np.array([1e-3, -2e-3, 3e-3]), covariance_rad2_s2=covariance(3))
 POSE = Rep103Pose(
-    position_m=np.array([100.0, -3.0, 4.0]),
-    orientation=quaternion_to_matrix(QUATERNION),
-    pose_covariance=covariance(6),
-    velocity_m_s=np.array([-1.0, 0.1, 0.2]),
-    angular_velocity_rad_s=np.array([0.01, 0.02, -0.03]),
-    twist_covariance=covariance(6),
-)
+    position_m=np.array([100.0, -3.0, 4.0]), orientation=quaternion_to_matrix(QUATERNION),
+    pose_covariance=covariance(6), velocity_m_s=np.array([-1.0, 0.1, 0.2]),
+    angular_velocity_rad_s=np.array([0.01, 0.02, -0.03]), twist_covariance=covariance(6),
+)  # fmt: skip
 
 
 def over_the_wire(message: Any) -> Any:
@@ -232,17 +218,15 @@ def test_every_signal_is_stamped_and_said_in_its_frame() -> None:
     sent = {
         "array": (convert.frame_to_message(FRAME, RATE_HZ), convert.line_to_message(LINE)),
         "body": (
-            convert.snapshots_to_message(HEARD),
-            convert.torque_to_message(TORQUE),
-            convert.rate_to_message(RATE),
-            convert.vector_to_message(T_S, np.arange(3.0), "body"),
+            convert.snapshots_to_message(HEARD), convert.torque_to_message(TORQUE),
+            convert.rate_to_message(RATE), convert.vector_to_message(T_S, np.arange(3.0), "body"),
         ),
         "active_body": (convert.sequence_to_message(SEQUENCE), *convert.pose_to_messages(T_S, POSE)),
         "orbit": (
             convert.attitude_to_message(ATTITUDE, "body"),
             convert.orientation_to_message(T_S, QUATERNION, "orbit"),
         ),
-    }
+    }  # fmt: skip
     for frame, messages in sent.items():
         for message in messages:
             assert message.header.frame_id == frame

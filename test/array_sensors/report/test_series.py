@@ -65,13 +65,10 @@ def attitude_bag(maker: Any, bag_of: Any) -> Path:
             "geometry_msgs/msg/QuaternionStamped", header=header, quaternion=quaternion(truth_at(epoch))
         )
         estimate = maker.serialized(
-            "rf_pointing_msgs/msg/Attitude",
-            header=header,
-            valid=epoch >= 10,
+            "rf_pointing_msgs/msg/Attitude", header=header, valid=epoch >= 10,
             reason="" if epoch >= 10 else f"sigma {0.1 / (1 + epoch):.3g} rad must be <= 0.035 rad",
-            orientation=quaternion(found),
-            covariance=(SIGMA_RAD**2 * np.eye(3)).ravel(),
-        )
+            orientation=quaternion(found), covariance=(SIGMA_RAD**2 * np.eye(3)).ravel(),
+        )  # fmt: skip
         block = maker.serialized(
             "rf_pointing_msgs/msg/ArraySnapshots", header=header, sequence=epoch,
             transmitters=["usingen" if epoch < 30 else "kourou"], elements=0, snapshots=0,

@@ -34,14 +34,9 @@ def test_pi_is_a_state_of_every_quantiser_so_delta_beams_add_no_error() -> None:
 def test_weights_are_those_of_each_element_by_itself(bits: int) -> None:
     """Taper, steering, common phase, quantiser, errors and dead elements, written out for each element."""
     array = TripulseArrayParams(
-        n_x=4,
-        n_y=6,
-        spacing_x_wavelengths=0.7,
-        spacing_y_wavelengths=1.3,
-        taper_edge=0.25,
-        phase_bits=bits,
-        failed="2:3",
-    )
+        n_x=4, n_y=6, spacing_x_wavelengths=0.7, spacing_y_wavelengths=1.3, taper_edge=0.25,
+        phase_bits=bits, failed="2:3",
+    )  # fmt: skip
     rng = np.random.default_rng(8)
     errors, dead = 0.1 * rng.standard_normal((4, 6)), rng.uniform(size=(4, 6)) < 0.2
     found = element_weights(array, [0.21, -0.13], failed=dead, phase_errors_rad=errors, common_phase_rad=0.4)

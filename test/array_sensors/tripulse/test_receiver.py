@@ -29,12 +29,9 @@ def nominal(**link: float) -> TripulseReceiverParams:
 
 
 def run(
-    signal: TripulseSignalParams,
-    frames: int,
-    array: TripulseArrayParams = ARRAY,
-    failed: np.ndarray | None = None,
-    **changes: float,
-) -> tuple[list[TripulseMeasurement], np.ndarray]:
+    signal: TripulseSignalParams, frames: int, array: TripulseArrayParams = ARRAY,
+    failed: np.ndarray | None = None, **changes: float,
+) -> tuple[list[TripulseMeasurement], np.ndarray]:  # fmt: skip
     """Return measurements and true projections for attitudes drawn from the initial sensor's errors."""
     sender = TripulseSource(array, signal, TripulseSourceParams(**changes), seed=1, failed=failed)
     receiver = TripulseReceiver(array=array, signal=signal, params=nominal(**changes), failed=failed)

@@ -56,11 +56,8 @@ def test_posterior_resolves_errors_far_below_the_prior() -> None:
 )
 def test_bad_input_is_refused(changes: dict[str, object], message: str) -> None:
     arguments: dict[str, object] = {
-        "matrix": np.eye(3),
-        "cycles": 1,
-        "noise_variances": EQUAL,
-        "prior_sigma": PRIOR,
-    } | changes
+        "matrix": np.eye(3), "cycles": 1, "noise_variances": EQUAL, "prior_sigma": PRIOR,
+    } | changes  # fmt: skip
     with pytest.raises(ValueError, match=message):
         posterior_projection_error(PARAMS, **arguments)  # type: ignore[arg-type]
 

@@ -23,11 +23,9 @@ def source(**changes: float) -> TripulseSource:
 
 def test_noise_free_frame_holds_the_conjugate_beams_of_the_true_direction() -> None:
     quiet = source(
-        element_carrier_to_noise_db_hz=120.0,
-        reference_carrier_to_noise_db_hz=-20.0,
-        satellite_linewidth_hz=0.0,
-        station_linewidth_hz=0.0,
-    )
+        element_carrier_to_noise_db_hz=120.0, reference_carrier_to_noise_db_hz=-20.0,
+        satellite_linewidth_hz=0.0, station_linewidth_hz=0.0,
+    )  # fmt: skip
     station = StationLine(name="a", direction=line().direction, range_rate_m_s=0.0, elevation_rad=0.7)
     (frame,) = quiet.step(0.0, TRUE, [station])
     weights = element_weights(ARRAY, frame.steering)

@@ -96,26 +96,19 @@ for _t in REFERENCES.values():
 
 
 def observations(
-    rotation: np.ndarray,
-    t_s: float,
-    rng: np.random.Generator,
-    names: list[str],
-    scale: float = 1.0,
-    shared: float = 0.0,
-) -> list[StationObservation]:
+    rotation: np.ndarray, t_s: float, rng: np.random.Generator, names: list[str],
+    scale: float = 1.0, shared: float = 0.0,
+) -> list[StationObservation]:  # fmt: skip
     found, bias = [], shared * rng.normal(size=2)
     for index, name in enumerate(names):
         sigma = SIGMA * scale * (1.0 + index)
         projections = (rotation @ REFERENCES[name])[:2] + bias + sigma * rng.normal(size=2)
         found.append(
             StationObservation(
-                t_s=t_s,
-                station=name,
-                projections=projections,
-                covariance=sigma**2 * np.eye(2),
+                t_s=t_s, station=name, projections=projections, covariance=sigma**2 * np.eye(2),
                 reference=REFERENCES[name],
             )
-        )
+        )  # fmt: skip
     return found
 
 

@@ -24,18 +24,12 @@ PNG = b"\x89PNG"
 def planted(ratios: dict[float, float]) -> list[AccuracyPoint]:
     return [
         AccuracyPoint(
-            snr_db=snr_db,
-            effective_snr=10 ** (snr_db / 10 + 2),
-            theta_deg=ratio,
-            phi_deg=ratio,
-            theta_bound_deg=1.0,
-            phi_bound_deg=1.0,
-            grid_theta_deg=ratio,
-            grid_phi_deg=ratio,
+            snr_db=snr_db, effective_snr=10 ** (snr_db / 10 + 2), theta_deg=ratio, phi_deg=ratio,
+            theta_bound_deg=1.0, phi_bound_deg=1.0, grid_theta_deg=ratio, grid_phi_deg=ratio,
             outliers=0.0,
         )
         for snr_db, ratio in ratios.items()
-    ]
+    ]  # fmt: skip
 
 
 def test_crossing_is_interpolated() -> None:

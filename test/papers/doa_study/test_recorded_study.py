@@ -92,17 +92,15 @@ def planted_filters(trials: int = 10) -> list[Row]:
 
 
 TABLES: dict[str, Callable[[], list[Row]]] = {
-    "accuracy, few runs": doa_accuracy,
-    "beyond, planted": doa_beyond,
+    "accuracy, few runs": doa_accuracy, "beyond, planted": doa_beyond,
     "directions, planted": lambda: direction_rows.direction_rows(planted_tables()),
     "directions, near their theory": close_to_theory,
     "attitudes, planted": lambda: filter_rows.attitude_rows(planted_tables()),
     "attitudes, one trial of ten lost": lambda: filter_rows.attitude_rows(planted_tables(lost=1)),
     "attitudes, rough grid": rough_grid,
     "convergence, planted": lambda: filter_rows.convergence_rows(planted_tables()),
-    "filters, planted": planted_filters,
-    "filters, few trials": lambda: planted_filters(4),
-}
+    "filters, planted": planted_filters, "filters, few trials": lambda: planted_filters(4),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", TABLES)

@@ -25,11 +25,9 @@ POSITIONS = Capabilities(
 RATES = dataclasses.replace(POSITIONS, set_points="rate", resolution_rad=(1e-6, 2e-6), period_s=TICK_S)
 TRAVEL = DriveParams().rotator.replace(travel_min_rad=(-200.0 * DEG, 0.0), travel_max_rad=(200.0 * DEG, 90.0 * DEG))
 MOTION = CommandPreprocessorParams(
-    rate_limit_rad_s=(5.0 * DEG, 2.0 * DEG),
-    acceleration_limit_rad_s2=(3.0 * DEG, 2.0 * DEG),
-    travel_min_rad=(-180.0 * DEG, 5.0 * DEG),
-    travel_max_rad=(190.0 * DEG, 85.0 * DEG),
-)
+    rate_limit_rad_s=(5.0 * DEG, 2.0 * DEG), acceleration_limit_rad_s2=(3.0 * DEG, 2.0 * DEG),
+    travel_min_rad=(-180.0 * DEG, 5.0 * DEG), travel_max_rad=(190.0 * DEG, 85.0 * DEG),
+)  # fmt: skip
 
 
 class Told(Drive):

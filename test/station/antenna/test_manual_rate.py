@@ -25,13 +25,9 @@ def antenna() -> SimulatedAntenna:
 def experiment(made: SimulatedAntenna, sequences: int = 2, **changes: object) -> IdentificationExperiment:
     start = float(made.reading(0.0).position_rad[1])
     options = {
-        "params": PARAMS,
-        "axis": "elevation",
-        "sequences": sequences,
-        "start_rad": start,
-        "travel_rad": made.axes.travel_rad[1],
-        "random": random_stream(1, "excitation"),
-    }
+        "params": PARAMS, "axis": "elevation", "sequences": sequences, "start_rad": start,
+        "travel_rad": made.axes.travel_rad[1], "random": random_stream(1, "excitation"),
+    }  # fmt: skip
     return IdentificationExperiment(**(options | changes))
 
 

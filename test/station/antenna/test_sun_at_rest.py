@@ -6,9 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rf_pointing.core import JointTrajectory
-from rf_pointing.core.dates import parse_utc, utc_text
-from rf_pointing.core.parameters import leaves
+from rf_pointing.core import JointTrajectory, leaves, parse_utc, utc_text
 from rf_pointing.ephemeris import SITES
 from rf_pointing.ephemeris.solar import LONGEST_PERMIT_S, SolarDirection, SunParams, SunPermit
 from rf_pointing.planning.forbidden_sky import ForbiddenSky

@@ -14,8 +14,7 @@ import rf_pointing as rp
 from benchmarks.tuning_trials import BOUNDS, WIND_M_S, random_plant
 from rf_pointing.commands.tune import main
 from rf_pointing.controllers import LqgDesign, PositionLoopParams
-from rf_pointing.core import MDEG
-from rf_pointing.core.parameters import flat
+from rf_pointing.core import MDEG, flat
 from rf_pointing.identification import StateSpace, load_models
 from rf_pointing.servo import dss13_plant
 from rf_pointing.station.antenna.axis_response import Variation

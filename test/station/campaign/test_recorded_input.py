@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from rf_pointing.calibration import BiasModel, PriorKnowledge, RawPasses, RawTracking, TrackedPass
-from rf_pointing.core import MDEG
-from rf_pointing.core.refraction import RadioRefraction
+from rf_pointing.core import MDEG, RadioRefraction
 from rf_pointing.ephemeris import TopocentricTrack, find_elements, find_passes, site, verification_elements
 from rf_pointing.station.campaign.recorded_input import holds_points, read_raw, reference_of
 from test.calibration.conftest import write_tracking

@@ -13,8 +13,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule, run_state_machine_as_test
 
 from rf_pointing.calibration import BiasModel
-from rf_pointing.core import JointReading, JointTrajectory
-from rf_pointing.core.pass_outcome import LOSS_OF_SIGNAL
+from rf_pointing.core import LOSS_OF_SIGNAL, JointReading, JointTrajectory
 from rf_pointing.ephemeris import Pass, TopocentricTrack
 from rf_pointing.station.clients.goals import FEEDBACK_S, NEAR_S, PATIENCE_WALL_S, PassGoal, PassGoals, nearest_pass
 from rf_pointing.station.pointing.certificates import StoreParams

@@ -226,14 +226,9 @@ def test_only_a_node_that_a_pass_needs_holds_the_night(tmp_path: Path) -> None:
     one = Bench(tmp_path)
     one.start(600.0)
     nodes = (
-        "antenna_servo",
-        "conscan_tracker",
-        "monopulse_tracker",
-        "operator_page",
-        "rotctld_server",
-        "ghost",
-        "a\nb",
-    )
+        "antenna_servo", "conscan_tracker", "monopulse_tracker", "operator_page", "rotctld_server",
+        "ghost", "a\nb",
+    )  # fmt: skip
     for node in nodes:
         one.watch.alarms.take_check(node, "state", 0, "active", {"state": "active"}, WALL_S)
     # Whoever ends says so; one that is needed is missed all the same.
@@ -270,10 +265,8 @@ def test_an_alarm_goes_to_the_hooks_warns_until_it_is_acknowledged_and_is_kept(t
     one.night.book.raise_("disk", 1, "full", T_S, ask="delete")
     one.night.book.raise_("wind", 2, "strong", T_S)
     assert one.watch.alarms.report() == (
-        2,
-        "wind: strong; disk: full",
-        dict.fromkeys(("wind", "disk"), f"raised {utc_text(T_S)}"),
-    )
+        2, "wind: strong; disk: full", dict.fromkeys(("wind", "disk"), f"raised {utc_text(T_S)}"),
+    )  # fmt: skip
     assert one.watch.acknowledge("wind", T_S) == "acknowledged: wind"
     assert "wind" in (tmp_path / "kept.json").read_text()
     assert one.watch.alarms.report().level == 1

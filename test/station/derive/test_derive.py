@@ -25,13 +25,9 @@ def described(**changes: Any) -> StationDescription:
     band = {"frequency_mhz": 8400} | changes.pop("BAND", {})
     site = {"latitude_deg": 48.1, "longitude_deg": 11.6, "height_m": 520}
     content = {
-        "version": 1,
-        "name": "Mine",
-        "site": site,
-        "dish": {"diameter_m": 3.0},
-        "mount": mount,
+        "version": 1, "name": "Mine", "site": site, "dish": {"diameter_m": 3.0}, "mount": mount,
         "bands": {"X": band},
-    }
+    }  # fmt: skip
     content |= changes
     return station_from(
         Path("s.yaml"), yaml.safe_dump({key: value for key, value in content.items() if value is not None})

@@ -13,16 +13,14 @@ from rf_pointing.station.description.description import StationDescription
 
 DEG = math.pi / 180.0
 GOOD: dict[str, Any] = {
-    "version": 1,
-    "name": "Mine",
-    "site": {"latitude_deg": 48.1, "longitude_deg": 11.6},
+    "version": 1, "name": "Mine", "site": {"latitude_deg": 48.1, "longitude_deg": 11.6},
     "dish": {"diameter_m": 3.7},
     "mount": {
         "azimuth": {"travel_deg": [-270, 270], "rate_deg_s": 6},
         "elevation": {"travel_deg": [0, 90], "rate_deg_s": 6},
     },
     "bands": {"X": {"frequency_mhz": 8200}},
-}
+}  # fmt: skip
 CIRCLE = {"elements": 5, "radius_m": 0.12, "phase_sigma_deg": 10.0}
 
 

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from rf_pointing.calibration.model_file import read_model
-from rf_pointing.core.derived import Value
-from rf_pointing.core.parameters import read_parameter_files
+from rf_pointing.core import Value, read_parameter_files
 from rf_pointing.rf import HALF_POWER_BEAMWIDTH_RAD
 from rf_pointing.station.derive.nodes import reference
 from rf_pointing.station.description import read_station

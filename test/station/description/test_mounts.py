@@ -16,8 +16,7 @@ from rf_pointing.api.target import elements
 from rf_pointing.calibration import BiasModel, read_model, write_model
 from rf_pointing.calibration.terms import names_of
 from rf_pointing.commands import check_drive, check_station
-from rf_pointing.core import angular_distance_rad
-from rf_pointing.core.kinematics import Kinematics
+from rf_pointing.core import Kinematics, angular_distance_rad
 from rf_pointing.core.mount_types import LOWER_AXES, MOUNTS
 from rf_pointing.station.derive.axes import kinematics_of
 from rf_pointing.station.derive.nodes import NODES

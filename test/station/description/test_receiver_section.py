@@ -122,11 +122,9 @@ def test_the_receiver_of_a_run_takes_the_place_of_that_of_its_band(tmp_path: Pat
     for station in (request.station.description, written_down):
         params = station.sets("signal_receiver", "X")["receiver"]
         assert (
-            params.link.host,
-            params.link.port,
-            params.iq.converter_mhz,
+            params.link.host, params.link.port, params.iq.converter_mhz,
             station.content.receiver_in("X").delay_s,
-        ) == expected
+        ) == expected  # fmt: skip
     assert written_down.digest == request.station.description.digest
 
 

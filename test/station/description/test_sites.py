@@ -32,15 +32,11 @@ bands: {{S: {{frequency_mhz: 2250}}}}
 """
 # Latitude, longitude, height.
 SITES = {
-    "Svalbard": (78.229, 15.408, 450.0),
-    "beyond the northern circle": (66.9, -53.7, 5.0),
-    "Troll": (-72.011, 2.535, 1298.0),
-    "south pole": (-90.0, 0.0, 2835.0),
-    "equator": (0.0, -78.0, 10.0),
-    "5 km high": (-23.019, -67.753, 5058.0),
-    "longitude 180": (-16.8, 180.0, 0.0),
-    "longitude -180": (-16.8, -180.0, 0.0),
-}
+    "Svalbard": (78.229, 15.408, 450.0), "beyond the northern circle": (66.9, -53.7, 5.0),
+    "Troll": (-72.011, 2.535, 1298.0), "south pole": (-90.0, 0.0, 2835.0),
+    "equator": (0.0, -78.0, 10.0), "5 km high": (-23.019, -67.753, 5058.0),
+    "longitude 180": (-16.8, 180.0, 0.0), "longitude -180": (-16.8, -180.0, 0.0),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", SITES)

@@ -9,9 +9,7 @@ import numpy as np
 import pytest
 
 from rf_pointing.commands import check_station
-from rf_pointing.core import AXES
-from rf_pointing.core.angles import unit_vector_from_azel
-from rf_pointing.core.signals import BASE, BEAM
+from rf_pointing.core import AXES, BASE, BEAM, unit_vector_from_azel
 from rf_pointing.station.derive.axes import kinematics_of
 from rf_pointing.station.derive.band import BEAM_FACTOR_DEG, Band
 from rf_pointing.station.description import read_station, shipped_stations

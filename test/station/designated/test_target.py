@@ -10,8 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rf_pointing.core import JointReading
-from rf_pointing.core.pass_outcome import LOSS_OF_SIGNAL
+from rf_pointing.core import LOSS_OF_SIGNAL, JointReading
 from rf_pointing.designate import Report
 from rf_pointing.ephemeris import SITES, Site
 from rf_pointing.planning import AxisLimits, HorizonMask
@@ -26,12 +25,9 @@ class Led:
     """A designated target, its truth in east, north, up of the site, and a controller on ideal axes."""
 
     def __init__(
-        self,
-        truth: Callable[[float], Any],
-        controller: Any = None,
-        kind: str = "aircraft",
+        self, truth: Callable[[float], Any], controller: Any = None, kind: str = "aircraft",
         **params: Any,
-    ) -> None:
+    ) -> None:  # fmt: skip
         self.truth, self.controller = truth, controller
         self.target = DesignatedTarget(
             DesignateParams(kind=kind, **params), SITE, HorizonMask(), self.show, lambda: T_S
@@ -278,10 +274,8 @@ def udp_port() -> int:
 def test_a_sonde_and_a_drone_of_one_vehicle_come_by_udp_and_lead_to_where_it_is() -> None:
     dialect = pytest.importorskip("pymavlink.dialects.v20.common")
     sender, ports, now_s = (
-        dialect.MAVLink(None, srcSystem=7, srcComponent=1),
-        (udp_port(), udp_port()),
-        [T_S],
-    )
+        dialect.MAVLink(None, srcSystem=7, srcComponent=1), (udp_port(), udp_port()), [T_S],
+    )  # fmt: skip
     latitude_deg, longitude_deg = (
         math.degrees(each) for each in (SITE.latitude_rad, SITE.longitude_rad)
     )

@@ -18,12 +18,9 @@ Moved = Callable[[float, np.ndarray], np.ndarray | None]
 
 
 def fly(
-    moved: Moved,
-    rate_deg_s: tuple[float, float] = (0.3, -0.1),
-    seconds: float = 20.0,
-    begin_s: float = 10.0,
-    watch: AntennaWatch | None = None,
-) -> list[tuple[float, AxisState]]:
+    moved: Moved, rate_deg_s: tuple[float, float] = (0.3, -0.1), seconds: float = 20.0,
+    begin_s: float = 10.0, watch: AntennaWatch | None = None,
+) -> list[tuple[float, AxisState]]:  # fmt: skip
     """Step a watch on axes that follow a command at this rate, from `begin_s` on as `moved` says; None: no reading."""
     watch = watch or AntennaWatch(PARAMS, TOLERANCE_RAD)
     watch.restart(0.0)

@@ -13,8 +13,7 @@ from hypothesis import strategies as st
 from rf_pointing import planning
 from rf_pointing.api.plan import table_text
 from rf_pointing.calibration import BiasModel
-from rf_pointing.core import MU
-from rf_pointing.core.constants import EARTH_MU_M3_S2
+from rf_pointing.core import EARTH_MU_M3_S2, MU
 from rf_pointing.ephemeris import Elements, ElementUncertainty, TopocentricTrack, find_passes, moon, site
 from rf_pointing.planning import HorizonMask
 from rf_pointing.station.pointing.certificates import PlanningRules, planned_certificate
@@ -24,13 +23,9 @@ START_S = 1151347200.0
 PLACE = site("Goldstone DSS-13")
 LEAST_RAD = math.radians(5.0)
 RULES = PlanningRules(
-    model=BiasModel.zero(),
-    machine=planning.MachineParams(),
-    limits=planning.AxisLimits(),
-    mask=HorizonMask(),
-    gate=planning.GateParams(),
-    lag_averaging_s=0.0,
-)
+    model=BiasModel.zero(), machine=planning.MachineParams(), limits=planning.AxisLimits(),
+    mask=HorizonMask(), gate=planning.GateParams(), lag_averaging_s=0.0,
+)  # fmt: skip
 HILL = HorizonMask(
     azimuth_rad=tuple(np.radians([0.0, 150.0, 180.0, 210.0])), elevation_rad=tuple(np.radians([3.0, 3.0, 22.0, 3.0]))
 )

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rf_pointing.core.dates import utc_text
-from rf_pointing.core.refraction import RadioRefraction
+from rf_pointing.core import RadioRefraction, utc_text
 from rf_pointing.ephemeris import ElementUncertainty, find_elements, sky_uncertainty, tle_lines, verification_elements
 from rf_pointing.ephemeris.earth_orientation import orientation_table
 from rf_pointing.ephemeris.satellite_antenna import SatelliteAntennaParams

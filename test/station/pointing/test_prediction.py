@@ -13,8 +13,7 @@ import pytest
 from rf_pointing.calibration import BiasModel, without_lags
 from rf_pointing.core import JointReading, Motion, Target, nearest_turn_rad
 from rf_pointing.ephemeris import Pass, TopocentricTrack
-from rf_pointing.planning import plunged
-from rf_pointing.planning.profile import PassProfile
+from rf_pointing.planning import PassProfile, plunged
 from rf_pointing.station.antenna.mount import MountParams, RateAverage
 from rf_pointing.station.pointing.branch import TrackingBranch
 from rf_pointing.station.pointing.prediction import KEPT_S, Prediction, TargetBuffer, axis_motion
@@ -123,12 +122,10 @@ def test_a_filled_gap_goes_on_from_the_last_sample(track: TopocentricTrack, wind
         target = track.target_at(float(t_s))
         buffer.add(
             dataclasses.replace(
-                target,
-                azimuth_rad=target.azimuth_rad + offset[0],
-                elevation_rad=target.elevation_rad + offset[1],
-                range_m=2e6 - 1500.0 * k,
+                target, azimuth_rad=target.azimuth_rad + offset[0],
+                elevation_rad=target.elevation_rad + offset[1], range_m=2e6 - 1500.0 * k,
             )
-        )
+        )  # fmt: skip
     buffer.fill(profile, start_s + 0.5, start_s + 4.0, 7e6)
     assert buffer.covers(start_s, start_s + 4.0)
     wanted = np.array([np.interp(start_s + 3.0, times, column) for column in profile.position_rad.T])
@@ -149,14 +146,10 @@ SAME_RAD = 1e-12
 def model() -> BiasModel:
     """Return a model with every kind of term: rotations, encoders, flexure, lags."""
     return MountParams(
-        azimuth_offset_rad=3e-3,
-        non_orthogonality_rad=1e-3,
-        collimation_rad=-2e-4,
-        mislevel_east_rad=7e-4,
-        azimuth_velocity_lag_s=-1.0,
-        droop_rad=-1.5e-3,
+        azimuth_offset_rad=3e-3, non_orthogonality_rad=1e-3, collimation_rad=-2e-4,
+        mislevel_east_rad=7e-4, azimuth_velocity_lag_s=-1.0, droop_rad=-1.5e-3,
         elevation_velocity_lag_s=-1.9,
-    ).model()
+    ).model()  # fmt: skip
 
 
 def held(sky: Motion, model: BiasModel, near_azimuth_rad: float) -> Motion:

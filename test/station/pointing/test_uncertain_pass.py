@@ -5,8 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from rf_pointing.core import MDEG, Mode, random_stream
-from rf_pointing.core.pass_outcome import received_power
+from rf_pointing.core import MDEG, Mode, random_stream, received_power
 from rf_pointing.ephemeris import ElementUncertainty, Pass, TopocentricTrack
 from rf_pointing.planning import PassProfile
 from rf_pointing.station.pointing.certificates import pass_profile
@@ -34,14 +33,9 @@ def prior(along_s: float, cross_m: float = 300.0) -> TrimParams:
 def cost(profile: PassProfile, along_s: float, sensor: str = ""):  # type: ignore[no-untyped-def]
     latitude_rad, begin_s = 0.615, float(profile.t_s[0])
     return uncertain_cost(
-        SENSORS.get(sensor),
-        SCANS,
-        prior(along_s),
-        AutotrackParams(sensor=sensor or "none"),
-        profile,
-        latitude_rad,
-        begin_s,
-    )
+        SENSORS.get(sensor), SCANS, prior(along_s), AutotrackParams(sensor=sensor or "none"),
+        profile, latitude_rad, begin_s,
+    )  # fmt: skip
 
 
 def test_a_profile_says_how_uncertain_its_target_is(

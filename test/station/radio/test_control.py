@@ -9,9 +9,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import pytest
-from rf_pointing.core import Mode
-from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
-from rf_pointing.core.kinematics import Kinematics
+from rf_pointing.core import SPEED_OF_LIGHT_M_S, Kinematics, Mode
 from rf_pointing.drives.line_server import INVALID, IO_ERROR, REJECTED, Inquiry, Order
 from rf_pointing.drives.rigctld import RECEIVE, TRANSMIT, RadioView
 from rf_pointing.operations.partners import CONTACT_S

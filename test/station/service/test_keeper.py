@@ -10,8 +10,7 @@ import pytest
 from rf_pointing.api.service import make_desk, make_service, stays
 from rf_pointing.api.station import Station
 from rf_pointing.api.target import Target
-from rf_pointing.core import angular_distance_rad, gaussian_loss_db
-from rf_pointing.core.dates import parse_utc
+from rf_pointing.core import angular_distance_rad, gaussian_loss_db, parse_utc
 from rf_pointing.core.whole_file import KeptState
 from rf_pointing.station.service.keeper import Service, ServiceDesk, ServiceParams
 from rf_pointing.station.service.sidereal import SIDEREAL_DAY_S, SiderealMotion

@@ -26,12 +26,9 @@ def planted(random: np.random.Generator, swing_deg: float) -> SiderealMotion:
 
 
 def pair(
-    truth: SiderealMotion,
-    t_s: float,
-    places: np.ndarray,
-    random: np.random.Generator,
+    truth: SiderealMotion, t_s: float, places: np.ndarray, random: np.random.Generator,
     sigma_db: float,
-) -> list[Sample]:
+) -> list[Sample]:  # fmt: skip
     """Return two levels of a Gaussian beam half a minute apart, under any weather."""
     weather_db = random.normal(60.0, 5.0)
     found = []
