@@ -101,7 +101,7 @@ class AntennaMemory:
 
     def keep(self, antenna: ControlUnit, t_s: float) -> None:
         """Write what has changed enough to matter."""
-        azimuth, elevation = antenna.axes.encoder_rad.tolist()
+        azimuth, elevation = antenna.reading(t_s).position_rad.tolist()
         status = antenna.status(t_s)
         rest = status.mode if status.mode in AT_REST else ""
         now = (azimuth, elevation, rest, status.fault)
