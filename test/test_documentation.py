@@ -224,6 +224,7 @@ def parse(name: str, arguments: list[str], monkeypatch: pytest.MonkeyPatch) -> N
 
     def parsed(parser: argparse.ArgumentParser, *given: object, **named: object) -> None:
         original(parser, *given, **named)
+        assert not parser.allow_abbrev, "--model of one program would be --models of another"
         raise _ParsedError
 
     monkeypatch.setattr(argparse.ArgumentParser, "parse_args", parsed)

@@ -18,7 +18,7 @@ PROGRAM = "budget"
 def arguments() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
     what = "Predict what the pointing loss of a pass will come from."
-    parser = argparse.ArgumentParser(prog=PROGRAM, description=what)
+    parser = argparse.ArgumentParser(allow_abbrev=False, prog=PROGRAM, description=what)
     add_options(
         parser, "elements interpolation satellite station band start mask min-peak seed output",
         min_peak="take the first pass that rises to this elevation, in deg (default: 40)",

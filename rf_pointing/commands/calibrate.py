@@ -24,7 +24,9 @@ from rf_pointing.tracking.sensors import SENSORS
 def arguments() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
     parser = argparse.ArgumentParser(
-        prog="calibrate", description="Calibrate the pointing model of a station, simulated or real."
+        allow_abbrev=False,
+        prog="calibrate",
+        description="Calibrate the pointing model of a station, simulated or real.",
     )
     add = parser.add_argument
     add_options(parser, "station band")

@@ -21,7 +21,7 @@ PROGRAM = "check_clock"
 def arguments() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
     what = "Find the error of a station's clock in recorded passes, and how late its parts are."
-    parser = argparse.ArgumentParser(prog=PROGRAM, description=what)
+    parser = argparse.ArgumentParser(allow_abbrev=False, prog=PROGRAM, description=what)
     add = parser.add_argument
     add("bags", type=Path, nargs="+", metavar="BAG|FOLDER", help="recordings, or folders of them")
     add("--station", metavar="FILE|NAME", help="description (default: that next to the bag)")

@@ -26,7 +26,7 @@ PROGRAM, TICK_S = "check_receiver", 0.02
 def main(argv: list[str] | None = None) -> None:
     """Entry point of `ros2 run rf_pointing check_receiver`."""
     parser = argparse.ArgumentParser(
-        prog=PROGRAM, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+        allow_abbrev=False, prog=PROGRAM, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--station", required=True, help="station description: a file, or a name that is shipped")
     parser.add_argument("--band", help="(default: the station's)")

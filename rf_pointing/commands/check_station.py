@@ -24,7 +24,9 @@ WIDE = 84
 
 def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     """Return the parsed command line."""
-    parser = argparse.ArgumentParser(prog="check_station", description="Check a station description.")
+    parser = argparse.ArgumentParser(
+        allow_abbrev=False, prog="check_station", description="Check a station description."
+    )
     add = parser.add_argument
     add("station", metavar="STATION", help=f"file, or one of {', '.join(shipped_stations())}")
     add("--band", help="band whose derived values are printed (default: the station's)")

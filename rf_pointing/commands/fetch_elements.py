@@ -58,7 +58,9 @@ def show(outcome: Outcome, now_s: float, what: str = "objects") -> None:
 
 def request_from(argv: list[str] | None = None) -> FetchRequest:
     """Return the request of a command line."""
-    parser = argparse.ArgumentParser(prog=PROGRAM, description="Fetch elements and keep them as files.")
+    parser = argparse.ArgumentParser(
+        allow_abbrev=False, prog=PROGRAM, description="Fetch elements and keep them as files."
+    )
     add = parser.add_argument
     add("addresses", nargs="*", metavar="URL", help="http(s) address (default: all that are kept)")
     add("--cache", metavar="DIR", default="", help="folder of the files, which --elements takes like any folder "

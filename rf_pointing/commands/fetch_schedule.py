@@ -25,7 +25,9 @@ PROGRAM = "fetch_schedule"
 
 def options_from(argv: list[str] | None) -> argparse.Namespace:
     """Return the options of a command line."""
-    parser = argparse.ArgumentParser(prog=PROGRAM, description="Fetch schedules and write them as passes.")
+    parser = argparse.ArgumentParser(
+        allow_abbrev=False, prog=PROGRAM, description="Fetch schedules and write them as passes."
+    )
     add = parser.add_argument
     add("addresses", nargs="*", metavar="URL", help="http(s) address of jobs, a calendar or a list of passes "
         "(default: all that are kept)")  # fmt: skip

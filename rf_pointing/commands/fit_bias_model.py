@@ -41,7 +41,9 @@ class FitCommand:
 
 def arguments() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
-    parser = argparse.ArgumentParser(prog="fit_bias_model", description="Fit the pointing model of an antenna.")
+    parser = argparse.ArgumentParser(
+        allow_abbrev=False, prog="fit_bias_model", description="Fit the pointing model of an antenna."
+    )
     add = parser.add_argument
     add("files", nargs="*", type=Path, metavar="FILE", help="recording, CSV or TDM")
     add_options(parser, "station band")

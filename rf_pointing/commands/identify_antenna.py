@@ -25,7 +25,9 @@ USUAL, QUICK = (8, 4, ExcitationParams().samples), (6, 2, 2048)
 def arguments() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
     usual = ExcitationParams()
-    parser = argparse.ArgumentParser(prog="identify_antenna", description="Identify the antenna from its own motion.")
+    parser = argparse.ArgumentParser(
+        allow_abbrev=False, prog="identify_antenna", description="Identify the antenna from its own motion."
+    )
     add = parser.add_argument
     add("--axes", nargs="+", choices=AXES, default=list(AXES), help="axes to drive (default: both)")
     add("--quick", action="store_true", help=f"4 min an axis: {QUICK[0]} sequences of {QUICK[2]}, {QUICK[1]} held out")

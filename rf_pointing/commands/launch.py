@@ -37,7 +37,7 @@ ENDED_FOR_S = 0.1
 def main(argv: list[str] | None = None) -> None:
     """Entry point of `ros2 run rf_pointing launch` and of scripts/launch."""
     parser = argparse.ArgumentParser(
-        prog=PROGRAM, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+        allow_abbrev=False, prog=PROGRAM, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     add = parser.add_argument
     add("name", metavar="NAME", help=f"{', '.join(launch_files())}; or `status`, or `stop`")

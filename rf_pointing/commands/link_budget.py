@@ -18,7 +18,9 @@ PROGRAM = "link_budget"
 
 def arguments() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
-    parser = argparse.ArgumentParser(prog=PROGRAM, description="Print the link budget of a band of a station.")
+    parser = argparse.ArgumentParser(
+        allow_abbrev=False, prog=PROGRAM, description="Print the link budget of a band of a station."
+    )
     add_options(parser, "elements interpolation satellite station band start mask")
     add = parser.add_argument
     add("--along-pass", action="store_true", help="along the first pass of --satellite, Sun and Moon included")

@@ -101,7 +101,9 @@ def _quoted(name: str) -> str:
 
 def request_from(argv: list[str] | None = None) -> NewStation:
     """Return the request of a command line."""
-    parser = argparse.ArgumentParser(prog="new_station", description="Print a station description to begin with.")
+    parser = argparse.ArgumentParser(
+        allow_abbrev=False, prog="new_station", description="Print a station description to begin with."
+    )
     add = parser.add_argument
     add("--name", required=True, help="name of the station")
     add("--latitude", required=True, metavar="DEG", help="geodetic latitude, north positive")

@@ -44,7 +44,7 @@ def _word(text: str) -> tuple[str, float]:
 
 def arguments() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
-    parser = argparse.ArgumentParser(prog=PROGRAM,
+    parser = argparse.ArgumentParser(allow_abbrev=False, prog=PROGRAM,
         description="Print what a network would know of an orbit.")  # fmt: skip
     add = parser.add_argument
     add("--stations", nargs="+", required=True, type=refusing(_place),

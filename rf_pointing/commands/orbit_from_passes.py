@@ -26,7 +26,7 @@ PROGRAM = "orbit_from_passes"
 
 def arguments() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
-    parser = argparse.ArgumentParser(prog=PROGRAM,
+    parser = argparse.ArgumentParser(allow_abbrev=False, prog=PROGRAM,
         description="Determine an orbit from your own passes.")  # fmt: skip
     add = parser.add_argument
     add("files", nargs="+", type=Path, metavar="FILE", help="recording, TDM or CSV")

@@ -118,7 +118,7 @@ def advice(request: CampaignRequest, candidates: list[CandidatePass]) -> int:
 
 def arguments() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
-    parser = argparse.ArgumentParser(prog=PROGRAM, description="Plan a calibration campaign.")
+    parser = argparse.ArgumentParser(allow_abbrev=False, prog=PROGRAM, description="Plan a calibration campaign.")
     add = parser.add_argument
     add_options(parser, "elements")
     add("--beacons", action="store_true", help="the simulated sky of `calibrate` instead of a catalogue")

@@ -75,7 +75,7 @@ def plan_one(request: PlanRequest) -> None:
 def arguments() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
     what = "Plan the coming passes of a satellite, or of many satellites for one antenna, with certificates."
-    parser = argparse.ArgumentParser(prog=PROGRAM, description=what)
+    parser = argparse.ArgumentParser(allow_abbrev=False, prog=PROGRAM, description=what)
     add_options(parser, "elements interpolation satellite station band start mask")
     many = parser.add_mutually_exclusive_group()
     many.add_argument("--satellites", nargs="+", metavar="NAME|NUMBER|FILE", help="plan these satellites together; a "

@@ -34,7 +34,7 @@ def arguments() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
     usual = ", ".join(f"{name}={amount:g}" for name, amount in WORSE.items())
     parser = argparse.ArgumentParser(
-        prog=PROGRAM, description="Replay recorded passes, as they were and with other parameters."
+        allow_abbrev=False, prog=PROGRAM, description="Replay recorded passes, as they were and with other parameters."
     )
     add = parser.add_argument
     add("bag", type=Path, metavar="BAG|FOLDER", help="a recording, or a folder of them")

@@ -68,7 +68,7 @@ def live_scan(client: Any, **given: Any) -> bool:
 def arguments() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
     text = "Scan sources with a simulated station."
-    parser = argparse.ArgumentParser(prog=PROGRAM, description=text)
+    parser = argparse.ArgumentParser(allow_abbrev=False, prog=PROGRAM, description=text)
     add = parser.add_argument
     add("targets", nargs="+", help=f"{', '.join(FLUX_SOURCES)}, or satellites of --elements")
     add_options(parser, "elements station band")

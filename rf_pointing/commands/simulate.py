@@ -22,7 +22,7 @@ PROGRAM = "simulate"
 def arguments() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
     what = "Fly every pass of some days with wind, noise and old elements."
-    parser = argparse.ArgumentParser(prog=PROGRAM, description=what)
+    parser = argparse.ArgumentParser(allow_abbrev=False, prog=PROGRAM, description=what)
     add_options(
         parser, "elements satellite station band start min-peak seed output",
         min_peak="only passes that rise to this elevation, in deg",

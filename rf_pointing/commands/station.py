@@ -85,7 +85,7 @@ def _hour(text: str) -> float:
 def request_of(argv: list[str] | None = None) -> StationRequest:
     """Return the request of a command line."""
     load_trackers()
-    parser = argparse.ArgumentParser(prog="station", description="Operate a running station.")
+    parser = argparse.ArgumentParser(allow_abbrev=False, prog="station", description="Operate a running station.")
     add_options(parser, "namespace")
     parser.add_argument(
         "--key", type=_file, metavar="FILE", help="key of the commands (default: that of antenna_servo)"
@@ -93,7 +93,7 @@ def request_of(argv: list[str] | None = None) -> StationRequest:
     every = parser.add_subparsers(required=True, metavar="COMMAND")
 
     def add(word: str, text: str, call: Callable[..., bool], /, **fixed: str) -> Callable[..., Any]:
-        below = every.add_parser(word, help=text, description=text)
+        below = every.add_parser(word, allow_abbrev=False, help=text, description=text)
         below.set_defaults(call=call, **fixed)
         return below.add_argument
 

@@ -28,7 +28,7 @@ def arguments() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
     load_trackers()
     parser = argparse.ArgumentParser(
-        prog="track", description="Track one satellite pass with a station, simulated or real."
+        allow_abbrev=False, prog="track", description="Track one satellite pass with a station, simulated or real."
     )
     add_options(
         parser, "elements interpolation satellite station band start mask min-peak",

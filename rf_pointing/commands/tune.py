@@ -23,7 +23,7 @@ PROGRAM = "tune"
 def arguments() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
     parser = argparse.ArgumentParser(
-        prog=PROGRAM, description="Tune the position loops of an antenna."
+        allow_abbrev=False, prog=PROGRAM, description="Tune the position loops of an antenna."
     )  # fmt: skip
     add = parser.add_argument
     add("models", metavar="MODELS", nargs="?", type=Path, help="models.json of identify_antenna")

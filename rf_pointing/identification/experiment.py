@@ -273,7 +273,7 @@ class SampleCollector:
             taken = f"no sequence is complete: {self.received} of {self._received.size} samples taken"
             raise ValueError("; ".join(filter(None, (taken, late))))
         missing = int(np.count_nonzero(~self._received))
-        even = [self._evened(number) for number in np.flatnonzero(complete)]
+        even = [self._evened(number) for number in np.flatnonzero(complete).tolist()]
         return Recording(self._axis, self._sample_s, *map(np.array, zip(*even, strict=True))), missing
 
     def _evened(self, number: int) -> tuple[Array, Array]:

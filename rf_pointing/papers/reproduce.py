@@ -44,7 +44,9 @@ PAPERS = (
 def main(argv: list[str] | None = None) -> None:
     """Entry point of `ros2 run rf_pointing reproduce`."""
     parser = argparse.ArgumentParser(
-        prog="reproduce", description="Print a paper's published numbers and ours."
+        allow_abbrev=False,
+        prog="reproduce",
+        description="Print a paper's published numbers and ours.",
     )
     parser.add_argument("paper", choices=PAPERS, help="which paper's tables")
     parser.add_argument("--json", action="store_true", help="print the rows as JSON")
