@@ -21,7 +21,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import CubicSpline
 
 from rf_pointing.core import AXES, Params, as_finite_array, parameter, require_between, require_choice
 from rf_pointing.core.types import Array, BoolArray, Pair
@@ -199,8 +198,8 @@ class IdentificationExperiment:
         return rates
 
 
-ON_TIME_S = 1e-5
-"""How far a sample may be from its time, which the wire rounds, to be taken as it is."""
+ON_TIME_S, SHORTEST_S = 1e-5, 1e-3
+"""How far a sample may be from its time to be taken as it is, and least time from one to the next."""
 MOST_STRETCH = 0.1
 """Largest share by which a sequence may take longer, or shorter, than its samples say."""
 
@@ -281,6 +280,9 @@ class SampleCollector:
 
         The mean age stays in them: a loop that runs on such angles has it too.
         """
+        # Imported here: the antenna's node makes no recordings.
+        from scipy.interpolate import CubicSpline
+
         rate, encoder = self._input[number], self._encoder[number]
         since_s = self._t_s[number] - self._t_s[number, 0]
         aged_s = self._age_s[number] - np.mean(self._age_s[number])
@@ -292,7 +294,10 @@ class SampleCollector:
         until_s = np.append(since_s, max(since_s[-1], ends_s[-1]))
         turned_rad = np.append(0.0, np.cumsum(rate * np.diff(until_s)))
         mean = np.diff(np.interp(ends_s, until_s, turned_rad)) / self._sample_s
-        # The newest sample of a device may serve two commands.
-        measured_s, first = np.unique(since_s - aged_s, return_index=True)
-        angles = CubicSpline(measured_s, encoder[first])(np.clip(grid_s, measured_s[0], measured_s[-1]))
+        measured_s = since_s - aged_s
+        order = np.argsort(measured_s)
+        # The newest sample of a device may serve two commands; the wire rounds its time in each.
+        order = order[np.append(True, np.diff(measured_s[order]) > SHORTEST_S)]
+        known_s = measured_s[order]
+        angles = CubicSpline(known_s, encoder[order])(np.clip(grid_s, known_s[0], known_s[-1]))
         return mean, angles

@@ -234,7 +234,9 @@ def test_samples_of_a_busy_computer_are_taken_to_their_times(seed: int) -> None:
     random, count, period_s = np.random.default_rng(seed), 200, 0.02
     t_s = period_s * np.arange(count) + random.uniform(0.0, 0.8 * period_s, count)
     t_s[random.integers(count) :] += period_s
-    rate, age_s = random.normal(size=count), random.uniform(0.0, period_s, count)
+    # The device measures at its own times; one measurement may serve two commands.
+    rate, phase_s = random.normal(size=count), random.uniform(0.0, period_s)
+    age_s = (t_s - phase_s) % period_s + random.uniform(-1e-7, 1e-7, count)
     collector = SampleCollector("azimuth", 1, count, period_s)
 
     def mount_rad(at_s: Any) -> Any:
