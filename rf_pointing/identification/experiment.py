@@ -199,7 +199,7 @@ class IdentificationExperiment:
 
 
 ON_TIME_S, SHORTEST_S = 1e-5, 1e-3
-"""How far a sample may be from its time to be taken as it is, and least time from one to the next."""
+"""How far a sample may be from its time to be taken as it is; least time to the next."""
 MOST_STRETCH = 0.1
 """Largest share by which a sequence may take longer, or shorter, than its samples say."""
 
