@@ -74,7 +74,7 @@ class Schedule:
         the clock since the instant before.
         """
         self.jumped_s = self.stalled_s = self.stepped_s = 0.0
-        late_s = now_s - self._next_s
+        late_s = self.late_s(now_s)
         stood_s = 0.0 if steady_s is None or self._steady_s is None else steady_s - self._steady_s
         self._steady_s = steady_s
         if abs(late_s) > self.longest_gap_s:
@@ -96,6 +96,10 @@ class Schedule:
             stepped_s = 0.0 if before is None else self._ahead_s - before
             self.stepped_s = stepped_s if abs(stepped_s) > STEP_S else 0.0
         return times if self._catches_up or not times else [max(now_s, times[-1])]
+
+    def late_s(self, now_s: float) -> float:
+        """Return how long the next instant has been due, negative before it."""
+        return now_s - self._next_s
 
     def _on_grid(self, t_s: float) -> float:
         return math.floor(t_s / self._period_s + ROUNDING) * self._period_s
@@ -130,7 +134,7 @@ class Lifecycle(LifecycleNode):
         self.failure: Exception | None = None
         """The error by which periodic work has failed."""
         self._at_deactivation, self._at_cleanup = ExitStack(), ExitStack()
-        self._works: list[Callable[[], None]] = []
+        self._works: list[tuple[Schedule, Callable[[], None]]] = []
         """The periodic work of simulated time."""
         # rclpy has no public way to guard the transitions of its own service.
         self._change_state_of_rclpy = self._service_change_state.callback
@@ -204,15 +208,16 @@ class Lifecycle(LifecycleNode):
 
         self._at_deactivation.callback(self.destroy_timer, self.timer(period_s, fire))
         if simulated:
-            self._works.append(fire)
-            self._at_deactivation.callback(self._works.remove, fire)
+            self._works.append((schedule, fire))
+            self._at_deactivation.callback(self._works.remove, (schedule, fire))
         return schedule
 
-    def catch_up(self) -> None:
-        """Do the periodic work that is due and that no timer has called."""
+    def catch_up(self, late_s: float = -math.inf) -> None:
+        """Do the periodic work that has been due for `late_s` and that no timer has called."""
         # The executor can lose a timer of simulated time: work, and time, would stand for seconds.
-        for fire in tuple(self._works):
-            fire()
+        for schedule, fire in tuple(self._works):
+            if schedule.late_s(self.now_s()) >= late_s:
+                fire()
 
     def timer(self, period_s: float, callback: Callable[[], object]) -> Timer:
         """Return a timer that no step of the computer's clock delays; it follows simulated time."""

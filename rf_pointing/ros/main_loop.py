@@ -53,8 +53,9 @@ DEAF = 3
 leave = os._exit
 LONGEST_WAIT_S = 0.2
 """Longest wait for an event: a signal is noticed between two of them."""
-IDLE_S = 0.02
-"""Simulated time waits for work that is due: after two such waits without an event it is done."""
+IDLE_S, LOST_S = 0.02, 0.3
+"""Simulated time waits for work that is due: after two such waits without an event it is done, in a
+process that is never idle what has been due for longer than any timer waits there."""
 RESTART_S = 0.5
 """From the end of a node to its next start, as in the launch files."""
 STALL_S, STALL_SHOWN_S = 1.0, 60.0
@@ -158,6 +159,7 @@ class NodeLoop:
         `come_round` is called each round, `begin_end` before the nodes are ended.
         """
         code, looked_s, idle_s = 0, time.monotonic(), 0.0
+        caught_s = looked_s
         # Not `spin`: between two events the nodes do their own work and the signals are seen.
         while not self._signals and (self._nodes or self._missing):
             come_round()
@@ -165,12 +167,16 @@ class NodeLoop:
             if any(node.input_watchdog.deaf for _, node in self._nodes):
                 # The participant of DDS does not receive, which all nodes of a process share.
                 break
+            if lost := looked_s - caught_s >= LOST_S:
+                caught_s = looked_s
             for make, node in tuple(self._nodes):
                 try:
                     if node.failure is None:
                         node.bring_up()
                         if idle_s >= 2.0 * IDLE_S:
                             node.catch_up()
+                        elif lost:
+                            node.catch_up(LOST_S)
                         wait_s = min(wait_s, node.turn())
                         continue
                 except Exception as error:

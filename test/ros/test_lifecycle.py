@@ -210,6 +210,8 @@ def test_simulated_time_is_waited_for(make_bench: Callable[..., Any]) -> None:
     bench.node.catch_up()
     assert bench.node.ticks == []
     bench.t_s += 0.3
+    bench.node.catch_up(0.4)
+    assert bench.node.ticks == []
     for _ in range(2):
         bench.node.catch_up()
     assert len(bench.node.ticks) == 3, "each instant once, although no timer has fired"

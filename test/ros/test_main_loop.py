@@ -198,8 +198,8 @@ class Node:
         self.turns += 1
         return 0.01 * self.turns
 
-    def catch_up(self) -> None:
-        self.do("catch_up")
+    def catch_up(self, late_s: float = 0.0) -> None:
+        self.do(f"catch_up {late_s}" if late_s else "catch_up")
 
     def fail(self, reason: str) -> None:
         self.do(f"fail {reason}")
@@ -265,6 +265,11 @@ def test_work_that_no_timer_has_called_is_done_once_nothing_comes(monkeypatch: p
     node, executor = Node(), Executor([], 3, meanwhile=lambda: setattr(wall, "s", wall.s + 0.001))
     work(node, executor)
     assert "catch_up" not in node.did, "an event came before the end of each wait"
+    node, executor = Node(), Executor([], 10, meanwhile=lambda: setattr(wall, "s", wall.s + 0.09))
+    node.turn = lambda: 0.1
+    work(node, executor)
+    assert node.did.count("catch_up 0.3") == 2, "never idle: what has been due for long"
+    assert "catch_up" not in node.did
     node, executor = Node(), Executor([], 4)
     executor.meanwhile = lambda: setattr(wall, "s", wall.s + executor.waits[-1])
     work(node, executor)
