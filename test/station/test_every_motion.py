@@ -115,7 +115,7 @@ def test_the_controller_goes_to_the_start_of_a_pass_over_a_hill_that_is_in_the_w
         trajectory, _ = controller.step(round(t_s + 0.1 * step, 6))
         assert trajectory is not None
         position = trajectory.position_rad[-1]
-        corners.append((float(position[0]), float(position[1])))
+        corners.append((round(float(position[0]), 9), round(float(position[1]), 9)))
         controller.take_joints(JointReading(t_s=0.0, position_rad=position, velocity_rad_s=np.zeros(2)))
     distinct = list(dict.fromkeys(corners))
     assert len(distinct) == 3

@@ -46,7 +46,7 @@ def test_the_experiment_commands_the_rates_and_records_the_encoders() -> None:
     for _ in range(512):
         before = made.reading(0.0).position_rad
         tick = run(made, 1, tick)
-        rate, position = running.newest
+        rate, position, _ = running.newest
         np.testing.assert_array_equal(position, before)
         np.testing.assert_array_equal(made.status(0.0).rate_command_rad_s, rate)
         assert rate[0] == 0.0
