@@ -56,7 +56,8 @@ def digest(bag: Path) -> str:
     """Return the first 16 digits of the SHA-256 of what the pass has left, in the order of stamps."""
     recording, sums = read_recording(bag), hashlib.sha256()
     errors = recording.get("sim/pointing_error")
-    begin, end = errors.stamp_ns[0] + MARGIN_S * 1e9, errors.stamp_ns[-1] - MARGIN_S * 1e9
+    # Whole seconds: the recording ends a tick sooner or later.
+    begin, end = errors.stamp_ns[0] // 10**9 * 1e9 + MARGIN_S * 1e9, errors.stamp_ns[-1] // 10**9 * 1e9 - MARGIN_S * 1e9
     for topic, names in FLOWN.items():
         table = recording.get(topic)
         order = np.argsort(table.stamp_ns, kind="stable")
