@@ -240,6 +240,7 @@ class SampleCollector:
         if self._received[where]:
             raise ValueError(f"sample={sample} was taken before")
         rate = as_finite_array("rate_rad_s", rate_rad_s, (2,))
+        require_between("age_s", age_s, 0.0, None)
         self._encoder[where] = as_finite_array("position_rad", position_rad, (2,))
         self._input[where] = rate[AXES.index(axis)]
         self._received[where], self._t_s[where], self._age_s[where] = True, t_s, age_s

@@ -278,6 +278,7 @@ def test_a_collector_of_no_experiment_is_refused(arguments: tuple, words: str) -
         (("elevation", 3, (0.0, 0.0), (0.0, 0.0)), "sample=3 was taken before"),
         (("elevation", 5, (0.0, math.nan), (0.0, 0.0)), "rate_rad_s"),
         (("elevation", 5, (0.0, 0.0), (math.inf, 0.0)), "position_rad"),
+        (("elevation", 5, (0.0, 0.0), (0.0, 0.0), math.nan), "age_s=nan"),
     ],
 )
 def test_a_sample_that_does_not_belong_is_refused_and_not_counted(sample: tuple, words: str) -> None:
