@@ -15,8 +15,9 @@ from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wai
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import asdict, dataclass, field
 from functools import partial
-from multiprocessing import get_context
+from multiprocessing import get_context, parent_process
 from pathlib import Path
+from threading import Thread
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -240,15 +241,21 @@ class _Rows:
                 file.write(f"{json.dumps(row)}\n")
 
 
+def _begin_worker() -> None:
+    # The terminal sends Ctrl-C to all processes: the first one says what is kept.
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    first = parent_process()
+    assert first is not None
+    # Killed, it would leave its workers computing.
+    Thread(target=lambda: (first.join(), os._exit(1)), daemon=True).start()
+
+
 def _flown(fly_one: Callable[[Trial], Row], trials: Sequence[Trial], workers: int) -> Iterator[Row]:
     """Yield the rows of passes as they are done; those of a process that dies are flown again."""
     waiting, deaths = list(range(len(trials))), 0
     while waiting:
         # Not forked: a thread of a library may hold a lock at that moment.
-        with ProcessPoolExecutor(
-            # The terminal sends Ctrl-C to all processes: the first one says what is kept.
-            min(workers, len(waiting)), get_context("spawn"), signal.signal, (signal.SIGINT, signal.SIG_DFL)
-        ) as pool:  # fmt: skip
+        with ProcessPoolExecutor(min(workers, len(waiting)), get_context("spawn"), _begin_worker) as pool:
             running: dict[Future[Row], int] = {pool.submit(fly_one, trials[k]): k for k in waiting}
             waiting = []
             try:

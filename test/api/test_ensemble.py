@@ -2,6 +2,9 @@
 
 import dataclasses
 import math
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -42,6 +45,28 @@ def test_results_depend_neither_on_workers_nor_on_an_interruption(
     assert 0.0 < whole.summary["availability"] <= 1.0
     with pytest.raises(ValueError, match="is of another ensemble"):
         rp.ensemble(station, targets, days=0.3, trials=2, seed=2, output=tmp_path / "b.jsonl")
+
+
+def test_its_processes_end_with_the_first_one_however_that_ends(tmp_path: Path) -> None:
+    arguments = ["--station", "leo_3m7", "--days", "1", "--workers", "2", "--output", str(tmp_path / "o.jsonl")]
+    first = subprocess.Popen([sys.executable, "-m", "rf_pointing", "simulate", *arguments])
+    children = Path(f"/proc/{first.pid}/task/{first.pid}/children")
+    workers = list[str]()
+
+    def flying(of: list[str]) -> list[str]:
+        paths = [Path(f"/proc/{each}/cmdline") for each in of]
+        return [each.parent.name for each in paths if each.exists() and "spawn_main" in each.read_text()]
+
+    deadline_s = time.monotonic() + 120.0
+    while time.monotonic() < deadline_s and len(workers) < 2:
+        time.sleep(0.1)
+        workers = flying(children.read_text().split())
+    first.kill()
+    first.wait()
+    assert len(workers) == 2
+    while time.monotonic() < deadline_s and flying(workers):
+        time.sleep(0.1)
+    assert not flying(workers)
 
 
 def test_the_command_prints_and_keeps_what_the_function_gives(
