@@ -21,6 +21,7 @@ of which one does not receive the other, the one starts again that needs somethi
 
 import math
 import re
+import struct
 import time
 from collections.abc import Callable
 from contextlib import suppress
@@ -49,7 +50,7 @@ OF_ALL = {TOPIC, "/rosout", "/parameter_events", "/clock"}
 """Topics that say nothing of who needs whom."""
 # The message of the status `state`: a string is its length, its bytes and a zero, aligned.
 ACTIVE = re.compile(rb": state\x00.{0,3}?\x07\x00\x00\x00active\x00", re.DOTALL)
-# The value `received`: names, with a space after each so that none is taken for its own sender.
+# The value `received`: names, with a space after each.
 RECEIVED = re.compile(rb"\x09\x00\x00\x00received\x00.{7}((?:[ -~]+ )?)\x00", re.DOTALL)
 
 
@@ -79,6 +80,22 @@ class _Input:
     seen: int = 0
     wall_s: float = 0.0
     node_s: float = 0.0
+
+
+def _sender(payload: bytes) -> str:
+    """Return the hardware_id of the first status, "" where it cannot be read.
+
+    Others may name that node too: the antenna says who commands it.
+    """
+    body, at, found = payload[4:], 8, b""
+    with suppress(struct.error, UnicodeDecodeError):
+        # Behind the stamp: frame_id, then count and level, name, message and hardware_id.
+        for between in (0, 5, 0, 0):
+            at = -(-(at + between) // 4) * 4
+            end = at + 4 + struct.unpack_from("<I", body, at)[0]
+            found, at = body[at + 4 : end], -(-end // 4) * 4
+        return found[:-1].decode()
+    return ""
 
 
 class InputWatchdog:
@@ -145,12 +162,11 @@ class InputWatchdog:
 
     def note(self, payload: bytes) -> None:
         """Take the diagnostics of any node, undecoded: each second every node gets all of them."""
-        for name, neighbour in self._neighbours.items():
-            if f"{name}\0".encode() in payload:
-                neighbour.heard_s = neighbour.taken_s = self._steady_s()
-                neighbour.active = ACTIVE.search(payload) is not None
-                found = RECEIVED.search(payload)
-                neighbour.received = found and frozenset(found[1].decode().split())
+        if neighbour := self._neighbours.get(_sender(payload)):
+            neighbour.heard_s = neighbour.taken_s = self._steady_s()
+            neighbour.active = ACTIVE.search(payload) is not None
+            found = RECEIVED.search(payload)
+            neighbour.received = found and frozenset(found[1].decode().split())
 
     def look(self) -> Health:
         """Compare what arrived with who is in the graph; called once a second."""

@@ -68,6 +68,8 @@ class Graph:
             self.t_s, self.node_s = self.t_s + 1.0, self.node_s + self.speed
             for name in [*self.says, OWN, "/gs2/antenna_servo"]:
                 values = [KeyValue(key="received", value=self.received[name])] if name in self.received else []
+                # Whoever names a node is not that node.
+                values.append(KeyValue(key="commander", value=SERVO))
                 status = DiagnosticStatus(
                     name=f"{name[1:]}: state", message=self.state, hardware_id=name, values=values
                 )
