@@ -4,16 +4,12 @@ import pytest
 
 from rf_pointing.papers import interferometer, interferometer_claims, interferometer_simulation
 from rf_pointing.papers.interferometer import rows
-from rf_pointing.papers.row import Row
 
 
-@pytest.fixture(scope="module")
-def found() -> list[Row]:
-    return rows()
-
-
-def test_no_cell_of_the_tables_would_hold_with_nothing(found) -> None:
-    tables = [row for row in found if "Table" in row.source]
+def test_no_cell_of_the_tables_would_hold_with_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(interferometer, "simulation_rows", lambda *_: [])
+    tables = [row for row in rows() if "Table" in row.source]
+    assert len(tables) > 20
     assert not any(replace(row, ours=0.0, due=None).holds for row in tables)
 
 
@@ -40,6 +36,8 @@ def test_an_explanation_is_measured_and_fails_with_another_number(
         return tuple(3.0 * each for each in found) if isinstance(found, tuple) else 3.0 * found
 
     monkeypatch.setattr(module, function, wrong)
+    if module is not interferometer_simulation:
+        monkeypatch.setattr(interferometer, "simulation_rows", lambda *_: [])
     broken = [row.quantity for row in rows() if not row.accepted]
     assert any(name.startswith(quantity) for name in broken), broken
 
