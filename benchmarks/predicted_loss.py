@@ -32,14 +32,13 @@ FRESH = {f"uncertainty.{name}": 0.0 for name in (
 """The satellite is simulated where fresh elements say, up to twelve days after their epoch."""
 
 
-def case(name: str) -> tuple[StationSetup, Pass, str, float]:
+def case(name: str, mask_deg: float = 5.0) -> tuple[StationSetup, Pass, str, float]:
     """Return station, pass, sensor and half-power beamwidth (rad) of a case."""
     band, sensor, peak = name.split(",")
     setup = StationSetup("dss13", band, changes={"ephemeris_publisher": FRESH})
     source = SourceParams(satellite="28057")
-    window = first_pass_above(
-        setup.track(), load_elements(source).epoch_t_s, math.radians(float(peak)), math.radians(5.0), 12.0 * 86400.0
-    )
+    epoch_t_s, peak_rad = load_elements(source).epoch_t_s, math.radians(float(peak))
+    window = first_pass_above(setup.track(), epoch_t_s, peak_rad, math.radians(mask_deg), 12.0 * 86400.0)
     return setup, window, sensor, setup.controller().corrections.half_power_beamwidth_rad
 
 

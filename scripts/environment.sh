@@ -164,6 +164,12 @@ enter_jazzy_environment() {
 # enter_environment [tests]
 enter_environment() {
   mkdir -p "$STATE"
+  # Containers and build machines often forbid compiled files beside the sources.  Then they are kept here: without
+  # any, each process compiles numpy, scipy, ROS and this package anew, which is more than half of a node's start.
+  if [ -n "${PYTHONDONTWRITEBYTECODE:-}" ]; then
+    unset PYTHONDONTWRITEBYTECODE
+    export PYTHONPYCACHEPREFIX=${PYTHONPYCACHEPREFIX:-$STATE/bytecode}
+  fi
   exec 9>"$STATE/lock"
   flock 9
   # Every process started from here holds this lock while it runs, so that nobody replaces the environment under it.

@@ -83,6 +83,12 @@ def test_interfaces_are_built_again_only_if_one_changed(root: Path) -> None:
     assert built.read_text().count("built") == 2
 
 
+def test_compiled_files_are_kept_in_the_state_where_they_may_not_be_beside_the_sources(root: Path) -> None:
+    show = "python3 -c 'import sys; print(sys.dont_write_bytecode, sys.pycache_prefix)'"
+    there = enter(root, f"unset PYTHONPYCACHEPREFIX; export PYTHONDONTWRITEBYTECODE=1; enter_environment; {show}")
+    assert there.stdout == f"False {root / '.ros/bytecode'}\n"
+
+
 def test_environment_in_use_is_not_replaced(root: Path) -> None:
     enter(root)
     # As scripts/run does: the process replaces the shell and keeps its lock.

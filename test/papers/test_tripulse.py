@@ -1,11 +1,14 @@
 from concurrent.futures import ThreadPoolExecutor
 
+import pytest
+
 from rf_pointing.array_sensors.tripulse.source import TripulseSourceParams
 from rf_pointing.papers import tripulse
 from rf_pointing.papers.tripulse_attitude import run_tripulse
 
 
-def test_failed_share_does_not_depend_on_the_executor() -> None:
+def test_failed_share_does_not_depend_on_the_executor(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tripulse, "TRIALS", 200)
     with ThreadPoolExecutor(2) as executor:
         assert tripulse.failed_share_at_limit(1, executor) == tripulse.failed_share_at_limit(1)
 
