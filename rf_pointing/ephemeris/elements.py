@@ -75,7 +75,7 @@ _NAMES = [item.name for item in fields(Elements)]
 
 
 def to_row(elements: Elements) -> list[Any]:
-    """Return the values of the fields in their order: name, number, ...; the inverse is `from_row`."""
+    """Return the values of the fields in order: name, number, ...; the inverse is `from_row`."""
     return [getattr(elements, name) for name in _NAMES]
 
 

@@ -142,7 +142,7 @@ def keep_orbits(data: bytes, read: OrbitFile) -> OrbitRows:
             for old in sorted(file.parent.glob("*.rows"), key=lambda path: path.stat().st_mtime_ns)[:-MOST_KEPT]:
                 old.unlink(missing_ok=True)
         except (OSError, RuntimeError):
-            # A full disk, or another process that keeps them as well: the next reader reads the file.
+            # A full disk, or another process that keeps them as well: the file is read again.
             pass
     return found
 
