@@ -110,7 +110,7 @@ def read_orbits(text: str, name: str = "") -> OrbitFile:
 
 
 class OrbitRows(NamedTuple):
-    """What a file holds, its elements as rows of `elements.to_row`."""
+    """Content of a file, its elements as rows of `elements.to_row`."""
 
     rows: list[list[Any]]
     segments: list[OemSegment]
