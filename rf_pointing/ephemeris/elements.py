@@ -8,6 +8,7 @@ propagator and keep their number here.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from typing import Any
 
 from sgp4.api import WGS72, Satrec
 
@@ -70,6 +71,17 @@ class Elements:
 
 
 _FLOATS = [item.name for item in fields(Elements) if item.type is float]
+_NAMES = [item.name for item in fields(Elements)]
+
+
+def to_row(elements: Elements) -> list[Any]:
+    """Return the values of the fields in order: name, number, ...; the inverse is `from_row`."""
+    return [getattr(elements, name) for name in _NAMES]
+
+
+def from_row(row: Sequence[Any]) -> Elements:
+    """Return the elements of the values of all fields."""
+    return Elements(**dict(zip(_NAMES, row, strict=True)))
 
 
 def find_elements(elements: Sequence[Elements], wanted: str) -> Elements:

@@ -425,9 +425,11 @@ def _taken(answer: _Answer, requested: Record, file: Path, now_s: float, content
 
 
 def _record_of(text: str, requested: Record) -> Record:
-    from rf_pointing.ephemeris.orbit_file import read_orbits
+    from rf_pointing.ephemeris.orbit_file import keep_orbits, read_orbits
 
     found = read_orbits(text)
+    # So that a node takes them as fast as it finds the file.
+    keep_orbits(text.encode(), found)
     objects = {one.catalogue_number for one in found.elements} | {one.object_id for one in found.segments}
     epochs = sorted(one.epoch_t_s for one in found.elements)
     ages = (epochs[0], statistics.median(epochs), epochs[-1]) if epochs else None

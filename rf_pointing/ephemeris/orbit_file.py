@@ -4,18 +4,23 @@ The first format whose pattern fits the beginning of a text reads it.  Its reade
 and segments, a ValueError for every one that is damaged, and a UserWarning for what is odd.  The
 good ones are used, the bad ones are listed.  Formats without a reader are named, so that nobody
 looks for a fault in a file of another kind.
+
+What was read of a large file is kept as rows in the cache folder, under the digest of its bytes and
+of the readers: another file cannot be taken for it.  Its own digest tells where it is damaged.
 """
 
 import codecs
+import json
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from rf_pointing.core.whole_file import DATA_BYTES, read_bytes
+from rf_pointing.core.whole_file import DATA_BYTES, JOURNAL_BYTES, read_bytes, write_whole
+from rf_pointing.ephemeris.element_files import cache_folder
 from rf_pointing.ephemeris.element_messages import read_json, read_omm_csv, read_omm_kvn, read_omm_xml
-from rf_pointing.ephemeris.elements import Elements
+from rf_pointing.ephemeris.elements import Elements, to_row
 from rf_pointing.ephemeris.oem import OemSegment, read_oem, read_oem_xml
 from rf_pointing.ephemeris.state_tables import read_cpf, read_meme, read_sp3
 from rf_pointing.ephemeris.tle import read_tle
@@ -56,6 +61,9 @@ FORMATS = (
 )
 """Formats in the order in which they are tried; text with lines of a TLE in it is TLE."""
 MOST_LISTED = 10
+LARGE_BYTES = 256 * 1024
+"""Smaller files are read faster than they are looked up."""
+MOST_KEPT = 8
 
 
 @dataclass(frozen=True)
@@ -101,9 +109,55 @@ def read_orbits(text: str, name: str = "") -> OrbitFile:
     return found
 
 
-def read_orbit_file(path: Path) -> OrbitFile:
+class OrbitRows(NamedTuple):
+    """Content of a file, its elements as rows of `elements.to_row`."""
+
+    rows: list[list[Any]]
+    segments: list[OemSegment]
+    problems: list[str]
+
+
+def read_orbit_file(path: Path) -> OrbitRows:
     """Return what a file holds; a byte that is not UTF-8 costs the line that it is in."""
-    return read_orbits(decoded(read_bytes(path, DATA_BYTES)), path.name)
+    data = read_bytes(path, DATA_BYTES)
+    if len(data) >= LARGE_BYTES:
+        try:
+            whole, _, text = read_bytes(_kept_file(data), JOURNAL_BYTES).partition(b"\n")
+            if whole == _digest(text).encode():
+                return OrbitRows(**json.loads(text))
+        except (OSError, RuntimeError):
+            # It was not read before, or the user has no folder to keep it in.
+            pass
+    return keep_orbits(data, read_orbits(decoded(data), path.name))
+
+
+def keep_orbits(data: bytes, read: OrbitFile) -> OrbitRows:
+    """Return what was `read` of bytes as rows, kept for the next reader where they are many."""
+    found = OrbitRows([to_row(one) for one in read.elements], read.segments, read.problems)
+    if len(data) >= LARGE_BYTES and not found.segments:
+        text = json.dumps(found._asdict()).encode()
+        try:
+            file = _kept_file(data)
+            write_whole(file, _digest(text).encode() + b"\n" + text)
+            for old in sorted(file.parent.glob("*.rows"), key=lambda path: path.stat().st_mtime_ns)[:-MOST_KEPT]:
+                old.unlink(missing_ok=True)
+        except (OSError, RuntimeError):
+            # A full disk, or another process that keeps them as well: the file is read again.
+            pass
+    return found
+
+
+def _kept_file(data: bytes) -> Path:
+    # Readers that were changed may take what they refused before.
+    readers = [path.stat().st_mtime_ns for path in sorted(Path(__file__).parent.glob("*.py"))]
+    return cache_folder(name="catalogues") / f"{_digest(f'{readers}'.encode() + data)}.rows"
+
+
+def _digest(data: bytes) -> str:
+    # Imported here: OpenSSL takes 3.5 MB, and few stations have large files.
+    import hashlib
+
+    return hashlib.sha256(data).hexdigest()
 
 
 def decoded(data: bytes) -> str:

@@ -10,11 +10,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, lru_cache, partial
 from pathlib import Path
+from typing import Any
 
 from rf_pointing.core import DAY_S, KeptState, RadioRefraction, parameter
 from rf_pointing.ephemeris import celestial
 from rf_pointing.ephemeris.element_files import element_files, version_of
-from rf_pointing.ephemeris.elements import Elements, find_elements
+from rf_pointing.ephemeris.elements import Elements, find_elements, from_row
 from rf_pointing.ephemeris.oem import METHODS, OemSegment, OemTarget
 from rf_pointing.ephemeris.satellite_antenna import SatelliteAntennaParams
 from rf_pointing.ephemeris.sites import SITES, Site
@@ -131,13 +132,19 @@ class SourceContents:
     """
 
     name: str
-    elements: list[Elements]
+    rows: list[list[Any]]
+    """The elements as `from_row` takes them: of 30 000 one is wanted."""
     segments: list[OemSegment]
     problems: list[str]
 
+    @cached_property
+    def elements(self) -> list[Elements]:
+        """All elements."""
+        return [from_row(row) for row in self.rows]
+
     def find(self, params: SourceParams) -> Elements | OemTarget:
         """Return the wanted object: its elements, or else its ephemeris."""
-        first = self.elements[0].catalogue_number if self.elements else self.segments[0].name
+        first = from_row(self.rows[0]).catalogue_number if self.rows else self.segments[0].name
         wanted = params.satellite.strip() or str(first)
         # An OEM names its object and its designator; either is accepted.
         key = wanted.strip().casefold()
@@ -146,18 +153,18 @@ class SourceContents:
             method = (params.interpolation, params.interpolation_degree) if params.interpolation else None
             # Where both are in a folder, an ephemeris of the operator is better than mean elements.
             return OemTarget(found, interpolation=method)
-        if self.elements:
-            return find_elements(self._by_label.get(key) or self.elements, wanted)
+        if self.rows:
+            return find_elements([from_row(row) for row in self._by_label.get(key, ())] or self.elements, wanted)
         names = sorted({f"{segment.name} ({segment.object_id})" for segment in self.segments})
         raise ValueError(f"satellite={wanted!r} is not among the objects of the ephemeris: {', '.join(names)}")
 
     @cached_property
-    def _by_label(self) -> dict[str, list[Elements]]:
-        """The elements by name and by number: a search of 30 000 takes milliseconds."""
-        found: dict[str, list[Elements]] = {}
-        for one in self.elements:
-            for label in {one.name.casefold(), str(one.catalogue_number)}:
-                found.setdefault(label, []).append(one)
+    def _by_label(self) -> dict[str, list[list[Any]]]:
+        """The rows by name and by number: a search of 30 000 takes milliseconds."""
+        found: dict[str, list[list[Any]]] = {}
+        for row in self.rows:
+            for label in {row[0].casefold(), str(row[1])}:
+                found.setdefault(label, []).append(row)
         return found
 
 
@@ -192,10 +199,10 @@ def _read_source(location: str, _version: object) -> SourceContents:
         except ValueError as error:
             found.problems.append(f"{path.name}: {error}")
             continue
-        found.elements.extend(one.elements)
+        found.rows.extend(one.rows)
         found.segments.extend(one.segments)
         found.problems.extend(f"{path.name}: {problem}" for problem in one.problems)
-    if not found.elements and not found.segments:
+    if not found.rows and not found.segments:
         raise ValueError("; ".join(found.problems))
     return found
 

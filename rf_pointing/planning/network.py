@@ -18,9 +18,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rf_pointing.core.types import Array, BoolArray
+from rf_pointing.core.types import Array, BoolArray, IntArray
 from rf_pointing.planning.limits import AxisRates
-from rf_pointing.planning.schedule import Candidate, Index, turn_s
+from rf_pointing.planning.schedule import Candidate, turn_s
 
 # Worth of a second of contact that a target is owed: a short high pass has less per second.
 OWED_WORTH_S = 0.02
@@ -118,14 +118,14 @@ class Programme:
             better_by, taken = max(better_by, share), taken | chosen
         return Assignment(tuple(sorted(taken, key=lambda k: self._options[k].candidate.aos_t_s)), better_by)
 
-    def _groups(self, of: str) -> list[Index]:
+    def _groups(self, of: str) -> list[IntArray]:
         """Return the nodes of each station or target, in order of rise."""
         found: dict[Hashable, list[int]] = {}
         for node in np.lexsort((self._end_s, self._begin_s)).tolist():
             found.setdefault(getattr(self._options[self._number[node]], of), []).append(node)
         return [np.array(group) for group in found.values()]
 
-    def _exclusive(self, group: Index) -> Iterator[Index]:
+    def _exclusive(self, group: IntArray) -> Iterator[IntArray]:
         """Give the cliques of nodes of one station: at once, or without time to turn between."""
         yield from _at_once(group, self._begin_s, self._end_s)
         axes = self._axes[self._options[self._number[group[0]]].station]
@@ -149,7 +149,7 @@ class Programme:
                     seen.add(key)
                     yield clique
 
-    def _too_near(self, first: Index, then: Index, axes: AxisRates) -> BoolArray:
+    def _too_near(self, first: IntArray, then: IntArray, axes: AxisRates) -> BoolArray:
         """Return (m, n) where a node of `then` begins before the antenna is there from `first`."""
         distance = np.abs(self._from_rad[then] - self._to_rad[first][:, None])
         needed_s = self._gap_s + turn_s(axes, self._to_rad[first][:, None], self._from_rad[then])
@@ -225,7 +225,7 @@ class Programme:
         return taken
 
 
-def _at_once(group: Index, begin_s: Array, end_s: Array) -> Iterator[Index]:
+def _at_once(group: IntArray, begin_s: Array, end_s: Array) -> Iterator[IntArray]:
     """Give the largest sets of nodes, in order of rise, that last at one time."""
     ends = np.sort(end_s[group])
     begins = begin_s[group]

@@ -19,12 +19,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.core.types import TURN, Array, Pair
 from rf_pointing.planning.limits import AxisLimits, AxisRates
 
-Index = NDArray[np.int64]
 # What a pass counts however low it is.  With much more a day of short passes near the horizon would
 # beat every high one, with nothing a low pass of another satellite would never be wanted.
 _COUNT_WORTH = 0.2
@@ -54,6 +52,10 @@ class Candidate:
         return self.share * (_COUNT_WORTH + math.sin(self.peak_rad))
 
 
+Chain = list[tuple[Candidate, int]]
+"""Passes in order of time, each with the number of its turn."""
+
+
 def turns_within(
     limits: AxisLimits, azimuth_path_rad: tuple[float, float, float, float], elevation_rad: Pair
 ) -> tuple[tuple[Pair, Pair], ...]:
@@ -78,18 +80,31 @@ def turns_within(
 
 
 def schedule(
-    candidates: Sequence[Candidate], axes: AxisRates, start: tuple[float, Pair], gap_s: float = 0.0
-) -> list[tuple[int, int]]:
+    candidates: Sequence[Candidate], axes: AxisRates, start: tuple[float, Pair], gap_s: float = 0.0,
+    known: dict[tuple[bytes, bytes], tuple[list[Candidate], Chain]] | None = None,
+) -> list[tuple[int, int]]:  # fmt: skip
     """Return, in order of time, the passes to track and their turns, as numbers of both.
 
     The antenna is at rest at `start`, UTC in s and the position of the axes; `gap_s` is kept
-    between two passes in addition to the turn.
+    between two passes in addition to the turn.  `known` keeps the best chain of each priority for
+    later calls with the same axes, start and gap: most of them change a few passes of one.
     """
-    chosen: list[tuple[int, int]] = []
+    known = {} if known is None else known
+    chosen: Chain = []
     for priority in sorted({one.priority for one in candidates}, reverse=True):
-        rank = [k for k, one in enumerate(candidates) if one.priority == priority and one.turns]
-        chosen = _best_chain(candidates, rank, [k for k, _ in chosen], axes, start, gap_s)
-    return chosen
+        rank = [one for one in candidates if one.priority == priority and one.turns]
+        fixed = [one for one, _ in chosen]
+        key = _identity(rank), _identity(fixed)
+        if key not in known:
+            # With the candidates: others must not come to their places in memory.
+            known[key] = [*rank, *fixed], _best_chain(rank, fixed, axes, start, gap_s)
+        chosen = known[key][1]
+    numbers = {id(one): k for k, one in enumerate(candidates)} if chosen else {}
+    return [(numbers[id(one)], turn) for one, turn in chosen]
+
+
+def _identity(candidates: Sequence[Candidate]) -> bytes:
+    return np.fromiter(map(id, candidates), np.int64, len(candidates)).tobytes()
 
 
 def reasons_against(
@@ -112,22 +127,23 @@ def turn_s(axes: AxisRates, start: Array, end: Array) -> Array:
 
 
 def _best_chain(
-    candidates: Sequence[Candidate], free: Sequence[int], fixed: Sequence[int], axes: AxisRates,
-    start: tuple[float, Pair], gap_s: float,
-) -> list[tuple[int, int]]:  # fmt: skip
+    free: Sequence[Candidate], fixed: Sequence[Candidate], axes: AxisRates, start: tuple[float, Pair], gap_s: float
+) -> Chain:
     """Return all of `fixed` (in order of time) and those of `free` that make the best plan."""
     # Node 0 is the antenna at rest; the rest are the turns of the passes in order of rise.
-    order = sorted([*free, *fixed], key=lambda k: (candidates[k].aos_t_s, candidates[k].los_t_s, k))
-    nodes = [(k, turn) for k in order for turn in range(len(candidates[k].turns))]
+    order = sorted([*free, *fixed], key=lambda one: (one.aos_t_s, one.los_t_s))
+    nodes = [(k, turn) for k, one in enumerate(order) for turn in range(len(one.turns))]
     numbers, turns = np.array([(-1, 0), *nodes]).T
-    begins = np.array([start[0], *(candidates[k].aos_t_s for k, _ in nodes)])
-    ends = np.array([start[0], *(candidates[k].los_t_s for k, _ in nodes)])
-    from_rad = np.array([start[1], *(candidates[k].turns[turn][0] for k, turn in nodes)])
-    to_rad = np.array([start[1], *(candidates[k].turns[turn][1] for k, turn in nodes)])
-    worth = np.array([0.0, *(candidates[k].worth for k, _ in nodes)])
+    begins = np.array([start[0], *(order[k].aos_t_s for k, _ in nodes)])
+    ends = np.array([start[0], *(order[k].los_t_s for k, _ in nodes)])
+    from_rad = np.array([start[1], *(order[k].turns[turn][0] for k, turn in nodes)])
+    to_rad = np.array([start[1], *(order[k].turns[turn][1] for k, turn in nodes)])
+    worths = [one.worth for one in order]
+    worth = np.array([0.0, *(worths[k] for k, _ in nodes)])
     # The level is how many fixed passes a plan has behind it: a plan may not go past one of them.
-    held = np.isin(numbers, list(fixed))
-    rises = np.array([candidates[k].aos_t_s for k in fixed])
+    kept = set(map(id, fixed))
+    held = np.array([False, *(id(order[k]) in kept for k, _ in nodes)])
+    rises = np.array([one.aos_t_s for one in fixed])
     level = np.searchsorted(rises, begins, side="right")
     needed = level - held
     sets = np.argsort(ends, kind="stable")
@@ -138,9 +154,9 @@ def _best_chain(
     # Plans that end long enough ago for any turn: the best of each level is enough.
     rested: dict[int, int] = {}
     old = near = 0
-    for first, last in _same(numbers):
-        if first == 0:
-            continue
+    # The turns of one pass follow on each other.
+    firsts = (np.flatnonzero(np.diff(numbers)) + 1).tolist()
+    for first, last in itertools.pairwise([*firsts, len(numbers)]):
         begin_s = begins[first]
         while old < len(sets) and ends[sets[old]] <= begin_s - longest_s:
             node, old = int(sets[old]), old + 1
@@ -155,27 +171,22 @@ def _best_chain(
         if rest is not None:
             # A partial plan worth less than one that already rests cannot become the best.
             window = np.append(window[best[window] > best[rest] - _TURNING_WORTH * longest_s], rest)
-        for node in range(first, last) if len(window) else ():
-            turning = turn_s(axes, to_rad[window], from_rad[node])
-            # The antenna at rest needs no gap: nothing is tracked before.
-            apart = np.where(window == 0, 0.0, gap_s)
-            in_time = ends[window] + turning + apart <= begin_s
-            value = np.where(in_time, best[window] - _TURNING_WORTH * turning, -np.inf)
-            k = int(np.argmax(value))
-            best[node], before[node] = worth[node] + value[k], window[k]
+        if not len(window):
+            continue
+        turning = turn_s(axes, to_rad[window], from_rad[first:last, np.newaxis])
+        # The antenna at rest needs no gap: nothing is tracked before.
+        apart = np.where(window == 0, 0.0, gap_s)
+        in_time = ends[window] + turning + apart <= begin_s
+        value = np.where(in_time, best[window] - _TURNING_WORTH * turning, -np.inf)
+        k = np.argmax(value, axis=1)
+        best[first:last], before[first:last] = worth[first:last] + value.max(axis=1), window[k]
     # Without a free pass the antenna's own node, or the plan of the fixed ones, is complete.
     complete = np.flatnonzero(level == len(fixed))
-    node, chain = int(complete[np.argmax(best[complete])]), []
+    node, chain = int(complete[np.argmax(best[complete])]), Chain()
     while node > 0:
-        chain.append((int(numbers[node]), int(turns[node])))
+        chain.append((order[numbers[node]], int(turns[node])))
         node = int(before[node])
     return chain[::-1]
-
-
-def _same(numbers: Index) -> list[tuple[int, int]]:
-    """Return the ranges of nodes that belong to one pass."""
-    edges = [0, *(np.flatnonzero(np.diff(numbers)) + 1).tolist(), len(numbers)]
-    return list(itertools.pairwise(edges))
 
 
 class _Reasons:

@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import math
+import os
 import re
 from pathlib import Path
 
@@ -24,8 +25,9 @@ from rf_pointing.ephemeris import (
     verification_elements,
 )
 from rf_pointing.ephemeris.damaged_states import damaged_state
-from rf_pointing.ephemeris.orbit_file import FORMATS, OrbitFile, decoded, read_elements, read_orbits
-from rf_pointing.ephemeris.source import SourceParams, load_target
+from rf_pointing.ephemeris.elements import from_row
+from rf_pointing.ephemeris.orbit_file import FORMATS, OrbitFile, decoded, read_elements, read_orbit_file, read_orbits
+from rf_pointing.ephemeris.source import SourceParams, load_target, read_source
 from test.ephemeris.omm_text import FIELDS, as_csv, as_kvn
 from test.ephemeris.omm_text import as_xml as omm_xml
 
@@ -204,12 +206,32 @@ def test_one_damaged_message_of_many_costs_one(notation: str, damage: str) -> No
     assert found.refused[0].startswith("line ")
 
 
-def test_ten_thousand_sets_with_one_damaged_are_one_less() -> None:
-    one, first, second = LINES[0]
-    text = "\n".join([f"{one}\n{first}\n{second}"] * 10000)
-    at = text.index(second, len(text) // 2) + 12
-    found = read_orbits(text[:at] + "x" + text[at + 1 :])
-    assert (len(found.elements), len(found.refused)) == (9999, 1)
+@pytest.mark.parametrize("form", ["JSON", "TLE"])
+def test_what_is_kept_of_a_large_file_is_what_it_holds(
+    form: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, random: np.random.Generator
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    messages = [{**FIELDS, "NORAD_CAT_ID": k, "OBJECT_NAME": f"SAT {k} ü"} for k in range(1, 2001)]
+    lines = (line for one in read_elements(as_csv(*messages)) for line in (one.name, *tle_lines(one)))
+    text = json.dumps(messages) if form == "JSON" else "\n".join(lines)
+    # One set is damaged: it is listed the second time as well.
+    at = text.index("SAT 1000")
+    path, place = tmp_path / "large.txt", text.index("98.4283", at)
+    path.write_text(text[:place] + "x" + text[place + 1 :])
+    first, read = read_source(str(path)), read_orbits(decoded(path.read_bytes()))
+    assert (len(first.elements), len(first.problems), first.elements) == (1999, 1, read.elements)
+    (kept,) = (tmp_path / "cache" / "rf_pointing" / "catalogues").iterdir()
+    damaged = bytearray(whole := kept.read_bytes())
+    damaged[at := int(random.integers(len(whole)))] ^= 1 << int(random.integers(8))
+    for content in (whole, bytes(damaged), whole[:at]):
+        kept.write_bytes(content)
+        assert read_orbit_file(path) == (first.rows, [], read.problems)
+        assert kept.read_bytes() == whole
+    # Another satellite in a file of the same name, size and time.
+    status = path.stat()
+    path.write_text(path.read_text().replace("SAT 77 ", "SAT 7X "))
+    os.utime(path, ns=(status.st_atime_ns, status.st_mtime_ns))
+    assert from_row(read_orbit_file(path).rows[76]).name == "SAT 7X ü"
 
 
 @pytest.fixture(scope="module")

@@ -13,7 +13,7 @@ is joined as soon as the antenna can be there.
 import dataclasses
 import itertools
 import math
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 
@@ -40,7 +40,7 @@ from rf_pointing.planning import (
     reasons_against,
     turns_within,
 )
-from rf_pointing.planning.schedule import schedule
+from rf_pointing.planning.schedule import Chain, schedule
 from rf_pointing.station.pointing.certificates import PlanningRules, SolarTable, planned_certificate
 
 LONG_S = 10800.0
@@ -133,10 +133,9 @@ def plan_day(
         if failed:
             day.barred |= failed
             continue
-        yields = day.reasons()
-        k = max(day.long_of(yields), key=day.rank, default=None)
+        k = max(day.long_in_part(), key=day.rank, default=None)
         if k is None:
-            return day.plan(yields)
+            return day.plan(day.reasons())
         # The most wanted one first: what it leaves is the next one's.
         day.cut([k])
 
@@ -172,21 +171,31 @@ class AntennaDay:
         wanted = [w for w in windows if w.peak_elevation_rad >= self.wish_of[id(w.target)].min_peak_rad]
         self.wanted = self._joined(wanted, lambda window: not _is_long(window))
         self._cut, self._shared = set[int](), set[int]()
+        turn = antenna.encoder_rad, antenna.encoder_rad
+        self.waits = [
+            Candidate(name="maintenance", aos_t_s=begin, los_t_s=end, peak_rad=0.0, priority=math.inf, turns=(turn,))
+            for begin, end in antenna.closed
+        ]
+        """Times of maintenance as candidates that nothing comes before."""
+        # What is planned again and again: a cut changes few of ten thousands of passes.
+        self._made: dict[tuple[int, bool], tuple[CataloguePass, Candidate]] = {}
+        self._known: dict[tuple[bytes, bytes], tuple[list[Candidate], Chain]] = {}
         self._judge()
 
     def _joined(self, windows: Sequence[CataloguePass], which: Callable[[CataloguePass], bool]) -> list[CataloguePass]:
         """Return the passes; those that last at the start begin when the antenna can be there."""
         at_once = [_FreeTime(*self.rest, sum(self._span), None)]
-        found = (w.rises_before and which(w) and self._pieces(w, at_once, 0.0, 0.0) for w in windows)
+        found = (
+            w.rises_before and which(w) and self._issued.pieces(w, at_once, 0.0, self._least, 0.0) for w in windows
+        )
         return [one for each, w in zip(found, windows, strict=True) for one in each or [w]]
 
     def _judge(self) -> None:
         """Bar what fits no turn; what was barred for its slew may be in time now."""
-        self.barred: dict[int, str] = {}
         self.certified: list[tuple[int, CataloguePass, Certificate, PassProfile]] = []
-        for k, window in enumerate(self.wanted):
-            if not _turns(window, self.antenna.rules):
-                self.barred[k] = _no_turn(window, self.antenna.rules.limits)
+        self._all = [self.candidate(window) for window in self.wanted]
+        limits, turned = self.antenna.rules.limits, zip(self.wanted, self._all, strict=True)
+        self.barred = {k: _no_turn(window, limits) for k, (window, one) in enumerate(turned) if not one.turns}
 
     def _open_parts(self, window: CataloguePass) -> list[CataloguePass]:
         """Return what times of maintenance leave of a pass."""
@@ -214,27 +223,19 @@ class AntennaDay:
 
     def candidate(self, window: CataloguePass) -> Candidate:
         """Return a pass as the schedule takes it."""
-        wish = self.wish_of[id(window.target)]
-        return Candidate(
-            name=window.name, aos_t_s=window.aos_t_s, los_t_s=window.los_t_s, peak_rad=window.peak_elevation_rad,
-            # Above a whole number below: what stays up lends its time to passes of its priority.
-            priority=wish.priority - 0.5 * self._is_long(window), turns=_turns(window, self.antenna.rules),
-            share=_share_to_expect(window, self.antenna.of_band.get(wish.band, self.antenna.rules)),
-        )  # fmt: skip
+        key, wish = (id(window), self._is_long(window)), self.wish_of[id(window.target)]
+        if key not in self._made:
+            self._made[key] = window, Candidate(
+                name=window.name, aos_t_s=window.aos_t_s, los_t_s=window.los_t_s, peak_rad=window.peak_elevation_rad,
+                # Above a whole number below: what stays up lends time to passes of its priority.
+                priority=wish.priority - 0.5 * key[1], turns=_turns(window, self.antenna.rules),
+                share=_share_to_expect(window, self.antenna.of_band.get(wish.band, self.antenna.rules)),
+            )  # fmt: skip
+        return self._made[key][1]
 
     def candidates(self) -> list[Candidate]:
         """Return all passes as candidates, without a turn where they are barred."""
-        made = [self.candidate(window) for window in self.wanted]
-        return [dataclasses.replace(one, turns=()) if k in self.barred else one for k, one in enumerate(made)]
-
-    @property
-    def waits(self) -> list[Candidate]:
-        """Times of maintenance as candidates that nothing comes before."""
-        turn = self.antenna.encoder_rad, self.antenna.encoder_rad
-        return [
-            Candidate(name="maintenance", aos_t_s=begin, los_t_s=end, peak_rad=0.0, priority=math.inf, turns=(turn,))
-            for begin, end in self.antenna.closed
-        ]
+        return [dataclasses.replace(one, turns=()) if k in self.barred else one for k, one in enumerate(self._all)]
 
     @property
     def rest(self) -> tuple[float, Pair]:
@@ -250,7 +251,7 @@ class AntennaDay:
         of the runs are in the plan, and why no branch works for some of these.
         """
         everything = [*candidates, *self.waits]
-        tracked = schedule(everything, self.antenna.rules.machine.axes, self.rest, self.gap_s)
+        tracked = schedule(everything, self.antenna.rules.machine.axes, self.rest, self.gap_s, self._known)
         self._tracked = [(everything[k], turn) for k, turn in tracked]
         kept = [k for k, _ in tracked if k < len(runs)]
         self.certified, failed = [], dict[int, str]()
@@ -289,14 +290,15 @@ class AntennaDay:
         self._shared, self.wanted = lasting, self._joined(self.wanted, _is_long)
         self._judge()
 
-    def long_of(self, yields: Iterable[int]) -> list[int]:
+    def long_in_part(self) -> list[int]:
         """Return long stays that yield, or are tracked in part, and are not cut into pieces yet."""
-        tracked_s = dict.fromkeys(yields, 0.0)
+        tracked_s: dict[int, float] = {}
         for k, window, *_ in self.certified:
             tracked_s[k] = tracked_s.get(k, 0.0) + window.duration_s
         return [
-            k for k, spent_s in tracked_s.items() if spent_s < self.wanted[k].duration_s - LEAST_PIECE_S
-            and self._is_long(self.wanted[k]) and id(self.wanted[k].target) not in self._cut
+            k for k, window in enumerate(self.wanted)
+            if self._is_long(window) and id(window.target) not in self._cut and (k in tracked_s or k not in self.barred)
+            and tracked_s.get(k, 0.0) < window.duration_s - LEAST_PIECE_S
         ]  # fmt: skip
 
     def _is_long(self, window: CataloguePass) -> bool:
@@ -322,16 +324,11 @@ class AntennaDay:
             pieces = []
             if k in numbers:
                 free = _free_times(sorted([*closed, *self._held(k)]), self.rest, sum(self._span))
-                pieces = self._pieces(window, free, self.gap_s, LEAST_PIECE_S)
+                pieces = self._issued.pieces(window, free, self.gap_s, self._least, LEAST_PIECE_S)
             found += pieces or [window]
         self._cut |= {id(self.wanted[k].target) for k in numbers}
         self.wanted = sorted(found, key=lambda window: window.aos_t_s)
         self._judge()
-
-    def _pieces(
-        self, window: CataloguePass, free: Sequence["_FreeTime"], gap_s: float, shortest_s: float
-    ) -> list[CataloguePass]:
-        return self._issued.pieces(window, free, gap_s, self._least, shortest_s)
 
     def plan(self, yields: Mapping[int, str]) -> DayPlan:
         """Return the plan: the certified passes, and the reasons against the others."""
@@ -410,12 +407,6 @@ def _no_turn(window: CataloguePass, limits: AxisLimits) -> str:
     low, high = (math.degrees(azimuth) for azimuth in window.azimuth_path_rad[1:3])
     travel = f"{math.degrees(limits.azimuth_min_rad):.1f} to {math.degrees(limits.azimuth_max_rad):.1f} deg"
     return f"azimuth {low:.1f} to {high:.1f} deg fits no turn within the travel {travel}"
-
-
-def _on_every_turn(limits: AxisLimits, azimuth_rad: float, elevation_rad: float) -> list[Pair]:
-    """Return the positions of the axes for one direction, on every turn of the travel."""
-    path = azimuth_rad, azimuth_rad, azimuth_rad, azimuth_rad
-    return [start for start, _ in turns_within(limits, path, (elevation_rad, elevation_rad))]
 
 
 class _Certificates:
@@ -503,7 +494,7 @@ def turns_of(
     """Return where the axes begin and end a pass on each turn of the travel."""
     # A pass that fits no turn waits at a stop or unwinds: it ends on any turn, as its certificate.
     ends = ((path[0], elevations[0]), (path[3], elevations[1]))
-    rises, sets = (_on_every_turn(limits, *place) for place in ends)
+    rises, sets = ([start for start, _ in turns_within(limits, (az,) * 4, (el, el))] for az, el in ends)
     return turns_within(limits, path, elevations) or tuple(itertools.product(rises, sets))
 
 

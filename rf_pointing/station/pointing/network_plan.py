@@ -93,10 +93,9 @@ def plan_days(
     better_by = 0.0
     while True:
         better_by = max(better_by, network.choose())
-        yields = network.reasons()
-        long = [(k, number) for k, day in enumerate(days) for number in day.long_of(yields[k])]
+        long = [(k, number) for k, day in enumerate(days) for number in day.long_in_part()]
         if not long:
-            planned = tuple(day.plan(mine) for day, mine in zip(days, yields, strict=True))
+            planned = tuple(day.plan(mine) for day, mine in zip(days, network.reasons(), strict=True))
             return NetworkDay(days=planned, better_by=better_by, visible=visible)
         # The most wanted ones first: what they leave is left to the next ones.
         highest = max(days[k].rank(number)[0] for k, number in long)
