@@ -131,7 +131,7 @@ class NightSimulation:
         alarms = thresholds or AlarmParams()
         tables = read_tables(alarms, procedure=procedure)
         machine: MachineParams = params.machine
-        schedule = Schedule(params.limits, machine.axes, between)
+        schedule = Schedule(params.limits, machine.axes, between, mount=params.kinematics)
         schedule.change(passes)
         self.night = Night(
             schedule, tables.procedure, tables.recovery, self._send, quiet_s=alarms.quiet_s, band=setup.band,

@@ -54,14 +54,12 @@ class DataFiles:
         tables = [path for path in self.paths if path.is_file() and path.suffix in TABULAR]
         offsets = [path for path in tables if path.suffix == ".csv" and offset_table.holds_offsets(path)]
         mount = station.controller.kinematics
-        if offsets and not mount.level:
-            raise ValueError(f"{offsets[0]} holds offsets in azimuth and elevation, and the mount is {mount.words}")
         rows = self._offsets(offsets, station) if offsets else None
         if rows is not None and len(offsets) == len(self.paths):
             # Nothing measures the orbits of single rows.
             alone = replace(rows, range_m=None, range_rate_m_s=None)
             terms = offset_table.terms_of_offsets(alone)
-            return FitData(alone, [], offered=terms, always=offset_table.OFFSETS)
+            return FitData(alone, [], offered=terms, always=terms[:2])
         others = [path for path in tables if path not in offsets]
         of_points = [path for path in others if path.suffix == ".csv" and recorded_input.holds_points(path)]
         points = _joined(recorded_input.read_points(of_points, mount), rows)
@@ -83,7 +81,7 @@ class DataFiles:
         parts = [
             offset_table.read_offsets(
                 path, station.name, station.band, station.site, math.radians(station.beamwidth_deg), self.elements,
-                self.max_age_s, self.refraction,
+                self.max_age_s, self.refraction, station.controller.kinematics,
             )
             for path in paths
         ]  # fmt: skip
@@ -180,7 +178,7 @@ class Fit:
     def write_tdm(self, path: str | Path) -> None:
         """Write the good samples of the raw data as a CCSDS TDM; ValueError without raw data."""
         require_raw(self.data, path)
-        raw = [one.raw for one in self.data.passes]
+        raw = [one.raw.turned(one.reference.mount.directions) for one in self.data.passes]
         calibration.write_tdm(Path(path), raw, originator=self.version.software, created_t_s=self.version.created_t_s)
 
 
@@ -188,8 +186,6 @@ def require_raw(data: FitData, path: str | Path) -> None:
     """Raise ValueError unless there are raw data to write to `path`."""
     if not data.passes:
         raise ValueError(f"tdm={path}: the files hold calibration points only, no raw data to write")
-    if not data.passes[0].reference.mount.level:
-        raise ValueError(f"tdm={path} would hold azimuth and elevation, and the data are of other axes")
 
 
 def fit(

@@ -41,6 +41,7 @@ from rf_pointing.ros.station_run import RunSetup, StationRun, parameter_file, ru
 from rf_pointing.station.antenna.memory import state_files, state_folder
 from rf_pointing.station.campaign.calibrator import journal_of
 from rf_pointing.station.campaign.schedule import CalibrationSchedule, fit_of_kept
+from rf_pointing.station.clients.scan_samples import ScanSamples
 from rf_pointing.station.log_lines import say
 
 OF_STATION = (
@@ -150,6 +151,7 @@ def scan(
     mine = Station(station or of_node("station"), of_node("band") or None, model=live.model)
     sought = Target(location=elements or "", satellite=target)
     request = ScanRequest(station=mine, target=sought, **pattern)
+    live.samples = ScanSamples(mine.controller.kinematics)
     assert live.now_s is not None
     goal = scan_to_message(request.program(live.now_s), satellite=target)
     ended = live.result(live.begin(goal))
@@ -174,7 +176,7 @@ def serve(client: StationClient, targets: Sequence[str], hours: Sequence[float],
     names = [Target(location=elements, satellite=name) for name in targets]
     client.select(targets[0])
     desk = make_desk(mine, names, hours, now_s, state_folder() / f"services-{id_of(mine.name)}.json")
-    LiveService(client, desk, mine.controller.limits, mine.lowest_rad, client.key()).serve()
+    LiveService(client, desk, mine.controller, mine.lowest_rad, client.key()).serve()
     return True
 
 

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from rf_pointing.calibration import BiasModel
+from rf_pointing.calibration import BiasModel, ReferenceTrack
 from rf_pointing.calibration.pass_errors import LOW_ORBIT_RATE_RAD_S, PassPriors, motion_partials
 from rf_pointing.core import MDEG, Array, RadioRefraction, sky_offset_rad
 from rf_pointing.ephemeris.look_angles import LookAngles
@@ -145,10 +145,7 @@ def _columns(
     case: RecordedCase, look: LookAngles, priors: PassPriors, names: Sequence[str] = MODEL_TERMS
 ) -> tuple[Array, Array, Array]:
     """Return partials (k, 2, n) on the sky, expected values and sizes (k,) of what may be wrong."""
-    motion = (
-        look.azimuth_rad, look.elevation_rad, look.azimuth_rate_rad_s, look.elevation_rate_rad_s,
-        look.azimuth_acceleration_rad_s2, look.elevation_acceleration_rad_s2,
-    )  # fmt: skip
+    motion = ReferenceTrack.of(look).motion()
     middle_s = 0.5 * (case.window.aos_t_s + case.window.los_t_s)
     ranges, still = (look.range_m, look.range_rate_m_s), (0.0, 0.0)
     orbit = motion_partials(look.t_s - middle_s, motion, *ranges, priors.names, still)

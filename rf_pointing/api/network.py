@@ -281,8 +281,6 @@ def plan_network(
     >>> stations = [rp.Station("dss13"), rp.Station("leo_3m7")]
     >>> print(rp.plan_network(stations, [rp.elements("CBERS 2")], hours=6))  # doctest: +SKIP
     """
-    for each in stations:
-        each.description.require_mount("a network plan")
     _require_apart(stations)
     wishes, cloudy = [target.wish() for target in targets], dict(cloudy or {})
     closed = _closed(stations, maintenance or {})

@@ -184,18 +184,13 @@ class Look:
     @classmethod
     def of(cls, track: TopocentricTrack, model: BiasModel, t_s: float) -> "Look":
         """Return the direction on a track at a time, UTC in s since 1970."""
-        look = track.sample([t_s])
-        motion = (
-            look.azimuth_rad, look.elevation_rad, look.azimuth_rate_rad_s, look.elevation_rate_rad_s,
-            look.azimuth_acceleration_rad_s2, look.elevation_acceleration_rad_s2,
-        )  # fmt: skip
+        look = track.target_at(t_s)
         # The correction is one of axis angles, the lower axis under the name of azimuth.
-        position, rate, bend = (np.column_stack(motion[k : k + 2]) for k in (0, 2, 4))
-        axes = np.concatenate((model.mount or LEVEL).to_axes(position, rate, bend), axis=1).T
-        rows = np.degrees([*motion[:4], *model.offset_rad(*axes)])[:, 0].tolist()
+        axes = (model.mount or LEVEL).of_axes(look)
+        rows = np.degrees([*look.motion[:4], *model.offset_rad(*axes.motion)]).tolist()
         azimuth, elevation, azimuth_rate, elevation_rate, azimuth_correction, elevation_correction = rows
         return cls(
             t_s=t_s, utc=utc_text(t_s), azimuth_deg=azimuth, elevation_deg=elevation, azimuth_rate_deg_s=azimuth_rate,
-            elevation_rate_deg_s=elevation_rate, range_m=float(look.range_m[0]),
+            elevation_rate_deg_s=elevation_rate, range_m=look.range_m,
             azimuth_correction_deg=azimuth_correction, elevation_correction_deg=elevation_correction,
         )  # fmt: skip

@@ -35,7 +35,7 @@ from rf_pointing.station.campaign.plan import beacons
 from rf_pointing.station.campaign.schedule import CalibrationSchedule, CampaignParams, schedule_calibration
 from rf_pointing.station.derive.signal import OPEN
 from rf_pointing.station.description.content import ReceiverSection
-from rf_pointing.station.description.writing import received_by
+from rf_pointing.station.description.writing import leaning, received_by
 from rf_pointing.station.designated.params import DesignateParams
 from rf_pointing.station.designated.target import DesignatedTarget
 from rf_pointing.tracking.power_tracker import scan_tuning
@@ -333,6 +333,10 @@ class CalibrateRequest(RunRequest):
     keep_observations: bool = True
 
     def __post_init__(self) -> None:
+        description = self.station.description
+        if description.content.mount.leans_anywhere and self.station.simulated:
+            # Its model holds wherever the mount leans: a campaign needs one place.
+            object.__setattr__(self, "station", Station(leaning(description, 0.0), self.station.band))
         super().__post_init__()
         real = not self.station.simulated
         if self.longest_s is None:
@@ -366,7 +370,8 @@ class CalibrateRequest(RunRequest):
             start_s = parse_utc(CALIBRATION_START) if self.station.simulated else time.time()
         # The beacons' epoch is the start: SGP4 elements are good for days, not for years.
         place = self.target.file
-        elements: list[Elements] = read_source(str(place)).elements if place else beacons(start_s)
+        latitude_rad = self.station.site.latitude_rad
+        elements: list[Elements] = read_source(str(place)).elements if place else beacons(start_s, latitude_rad)
         name, band = self.station.name, self.station.band
         mount = self.station.controller.kinematics
         kept = journal_of(self.models, name, band, mount).points if self.resume else None

@@ -148,14 +148,11 @@ class ScanRequest:
         fit = fit_scan(
             samples, ScanFitParams(beam=signal.beam, radius_rad=radius_rad, carrier=flux is None)
         )  # fmt: skip
-        motion = track.sample([middle_s])
-        model = station.model.offset_rad(
-            motion.azimuth_rad, motion.elevation_rad, motion.azimuth_rate_rad_s,
-            motion.elevation_rate_rad_s, motion.azimuth_acceleration_rad_s2,
-            motion.elevation_acceleration_rad_s2,
-        )  # fmt: skip
-        azimuth_rad, elevation_rad = float(motion.azimuth_rad[0]), float(motion.elevation_rad[0])
-        right_rad, up_rad = fit.offset_rad
+        mount, middle = station.controller.kinematics, track.target_at(middle_s)
+        azimuth_rad, elevation_rad = middle.azimuth_rad, middle.elevation_rad
+        axes = mount.of_axes(middle)
+        model = station.model.offset_rad(*axes.motion)
+        across_rad, along_rad = mount.across(azimuth_rad, elevation_rad) @ fit.offset_rad
         found = None
         if flux is not None:
             dish = station.description.content.dish
@@ -171,9 +168,10 @@ class ScanRequest:
             beamwidth_rad=math.radians(station.beamwidth_deg), t_s=middle_s,
             azimuth_rad=azimuth_rad, elevation_rad=elevation_rad,
             axis_offset_rad=(
-                float(model[0][0]) + right_rad / math.cos(elevation_rad),
-                float(model[1][0]) + up_rad,
+                float(model[0]) + float(across_rad) / math.cos(axes.elevation_rad),
+                float(model[1]) + float(along_rad),
             ),
+            axes=mount.axes,
             samples=samples, fit=fit, flux=flux, figures=found,
         )  # fmt: skip
 
@@ -234,7 +232,8 @@ def simulated(
     changes: Mapping[str, Mapping[str, object]] | None,
 ) -> ScanResult:  # fmt: skip
     """Return a scan by the whole station simulated in this process."""
-    station, taken = request.station, ScanSamples()
+    station = request.station
+    taken = ScanSamples(station.controller.kinematics)
     request.require_dark(start_t_s, request.flux(start_t_s))
     one = request.window(start_t_s)
     flux_sfu = request.sun_flux_sfu or 0.0

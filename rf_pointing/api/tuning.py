@@ -51,6 +51,8 @@ class Tuning:
     remarks: tuple[str, ...]
     peak_kept: bool
     models: tuple[AxisModel, ...] = field(repr=False)
+    names: tuple[str, str] = AXES
+    """Names of the axes of the mount, whose parameters are those of azimuth and elevation."""
 
     def rms_mdeg(self, tuned: TunedAxis) -> float | None:
         """Return the rms beam error of an axis in the wind; None without a station."""
@@ -60,7 +62,8 @@ class Tuning:
 
     def block(self, lqg_file: str | Path = "lqg.json") -> str:
         """Return the `tuning:` section of the description; LQG laws are named by their file."""
-        lines = ["tuning:"]
+        others = [f"# {slot} is {name}" for slot, name in zip(AXES, self.names, strict=True) if slot != name]
+        lines = [*others, "tuning:"]
         if self.law == "lqg":
             lines += ["  loops.law: lqg", f"  loops.lqg_file: {Path(lqg_file).resolve()}"]
         for tuned in self.axes:
@@ -101,8 +104,9 @@ class Tuning:
             f"{'':<22}{''.join(f'{head:>11}' for head in heads)}",
         ]
         for before, tuned in zip(self.before, self.axes, strict=True):
-            lines += [f"{tuned.name + ' before':<22}{self._row(before)}"] if before else []
-            lines.append(f"{tuned.name + ' tuned':<22}{self._row(tuned)}")
+            name = self.names[AXES.index(tuned.name)]
+            lines += [f"{name + ' before':<22}{self._row(before)}"] if before else []
+            lines.append(f"{name + ' tuned':<22}{self._row(tuned)}")
         return "\n".join([*lines, *self.remarks])
 
     def _row(self, tuned: TunedAxis) -> str:
@@ -147,8 +151,6 @@ def tune(
     require_between("most_sensitive", most_sensitive, LEAST_SENSITIVE, 4.0)
     if station is None and models is None:
         raise ValueError("give a station, the models of identify_antenna, or both")
-    if station:
-        station.description.require_mount("tune")
     sets = station.description.sets("antenna_servo", station.band) if station else {}
     if station and station.description.drive["type"] != "simulated" and not takes_rates(station.description.drive):
         raise ValueError(f"{station.name}: its drive takes positions and closes the loop itself")
@@ -185,7 +187,7 @@ def tune(
         remarks = _refused_by_servo(tuned, sets["plant"], axes) if kept else []
     return Tuning(
         law, wind_m_s, tuple(tuned), tuple(before), gusts, (*slower, *remarks),
-        bool(station) and not remarks, tuple(axes),
+        bool(station) and not remarks, tuple(axes), station.controller.kinematics.axes if station else AXES,
     )  # fmt: skip
 
 

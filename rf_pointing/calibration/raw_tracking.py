@@ -60,6 +60,11 @@ class RawTracking:
         """Return the measured channels that are present."""
         return {name: getattr(self, name) for name in CHANNELS if getattr(self, name) is not None}
 
+    def turned(self, turn: Callable[[Array, Array], tuple[Array, Array]]) -> "RawTracking":
+        """Return the same samples with other angles: of the axes for the sky, or of the sky."""
+        azimuth_rad, elevation_rad = turn(self.azimuth_rad, self.elevation_rad)
+        return replace(self, azimuth_rad=azimuth_rad, elevation_rad=elevation_rad)
+
     @property
     def over(self) -> BoolArray:
         """Return where (n,) the dish is over the top: its axis is beyond 90 deg."""

@@ -29,7 +29,7 @@ def arguments() -> argparse.ArgumentParser:
         allow_abbrev=False, prog="identify_antenna", description="Identify the antenna from its own motion."
     )
     add = parser.add_argument
-    add("--axes", nargs="+", choices=AXES, default=list(AXES), help="axes to drive (default: both)")
+    add("--axes", nargs="+", choices=AXES, default=list(AXES), help="axes to drive, the lower one as azimuth (both)")
     add("--quick", action="store_true", help=f"4 min an axis: {QUICK[0]} sequences of {QUICK[2]}, {QUICK[1]} held out")
     add("--sequences", type=int, help=f"sequences per axis (default: {USUAL[0]})")
     add("--held-out", type=int, help=f"the last of them, kept for the check (default: {USUAL[1]})")

@@ -47,15 +47,12 @@ class CampaignRequest:
     count: int
     orbit_prior_m: float
 
-    def __post_init__(self) -> None:
-        self.station.description.require_mount("plan_calibration")
-
     def candidates(self) -> list[CandidatePass]:
         """Return what could be tracked; ValueError where nothing could."""
         require_between("hours", self.hours, 0.01, 24.0 * 28.0)
         start_s, span_s = self.start_s, self.hours * HOUR_S
         if self.beacons:
-            elements = beacons(start_s)
+            elements = beacons(start_s, self.station.site.latitude_rad)
         elif self.target.location:
             say_of_elements(self.target)
             elements = read_source(self.target.location).elements

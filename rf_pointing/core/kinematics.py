@@ -21,6 +21,7 @@ from functools import cached_property
 from typing import NamedTuple, Self
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from rf_pointing.core.angles import azel_from_unit_vector, unit_vector_from_azel
 from rf_pointing.core.mount_types import AZIMUTH_ELEVATION, LOWER_AXES, MOUNTS
@@ -168,6 +169,15 @@ class Kinematics(Params):
         azimuth, elevation = self.skies(np.stack([first_rad, second_rad], axis=-1)).T
         return azimuth, elevation
 
+    def of_directions(
+        self, azimuth_rad: ArrayLike, elevation_rad: ArrayLike
+    ) -> tuple[Array, Array]:
+        """Return axis angles (n,) of directions (n,), the first in [0, 2 pi); level axes as is."""
+        if self.level:
+            return np.asarray(azimuth_rad), np.asarray(elevation_rad)
+        vectors = unit_vector_from_azel(azimuth_rad, elevation_rad) @ self.matrix
+        return azel_from_unit_vector(vectors)
+
     def leaning_from(self, azimuth_rad: float) -> tuple[Self, ...]:
         """Return the mounts to choose from for a pass that culminates at an azimuth.
 
@@ -186,31 +196,24 @@ class Kinematics(Params):
         """Longest time in which a tilt axis is turned to another side: half a turn."""
         return math.pi / self.train_rate_rad_s if self.train_rate_rad_s else 0.0
 
-    def across(self, azimuth_rad: float, elevation_rad: float) -> Array:
-        """Return the matrix (2, 2) from sky to mount of small offsets at a direction.
+    def across(self, azimuth_rad: ArrayLike, elevation_rad: ArrayLike) -> Array:
+        """Return the matrices (..., 2, 2) from sky to mount of small offsets at directions.
 
         Offsets are across and along the upper axis: cross-elevation and elevation on the sky.
         """
-        first, second = self.axes_at(azimuth_rad, elevation_rad)
-        sky, own = _tangents(azimuth_rad, elevation_rad), _tangents(first, second)
-        return np.asarray((self.matrix @ own.T).T @ sky.T)
+        own = _tangents(*self.of_directions(azimuth_rad, elevation_rad)) @ self.matrix.T
+        return np.asarray(own @ np.swapaxes(_tangents(azimuth_rad, elevation_rad), -1, -2))
 
     def of_axes(self, target: Target) -> Target:
         """Return a target on the sky in the angles of the axes, its uncertainty too."""
         if self.level:
             return target
-        position, velocity, acceleration = self.to_axes(
-            np.array([[target.azimuth_rad, target.elevation_rad]]),
-            np.array([[target.azimuth_rate_rad_s, target.elevation_rate_rad_s]]),
-            np.array([[target.azimuth_acceleration_rad_s2, target.elevation_acceleration_rad_s2]]),
-        )
+        motion = self.to_axes(*np.reshape(target.motion, (3, 1, 2)))
         known = target.uncertainty
         if known is not None:
             turn = self.across(target.azimuth_rad, target.elevation_rad)
             known = replace(known, covariance_rad2=turn @ known.covariance_rad2 @ turn.T)
-        (first, second), (rate, climb), (bend, curve) = (
-            each[0].tolist() for each in (position, velocity, acceleration)
-        )
+        (first, second), (rate, climb), (bend, curve) = (each[0].tolist() for each in motion)
         return replace(
             target, azimuth_rad=first, elevation_rad=second, azimuth_rate_rad_s=rate, elevation_rate_rad_s=climb,
             azimuth_acceleration_rad_s2=bend, elevation_acceleration_rad_s2=curve, uncertainty=known,
@@ -240,10 +243,11 @@ LEVEL = Kinematics()
 """Elevation over azimuth."""
 
 
-def _tangents(first: float, second: float) -> Array:
-    """Return the unit vectors (2, 3) across and along the upper axis."""
-    sine, cosine, rise, level = math.sin(first), math.cos(first), math.sin(second), math.cos(second)
-    return np.array([[cosine, -sine, 0.0], [-rise * sine, -rise * cosine, level]])
+def _tangents(first: ArrayLike, second: ArrayLike) -> Array:
+    """Return the unit vectors (..., 2, 3) across and along the upper axis."""
+    sine, cosine, rise, level = np.sin(first), np.cos(first), np.sin(second), np.cos(second)
+    right = np.stack([cosine, -sine, np.zeros_like(sine)], axis=-1)
+    return np.stack([right, np.stack([-rise * sine, -rise * cosine, level], axis=-1)], axis=-2)
 
 
 def vectors_of_motion(

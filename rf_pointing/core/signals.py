@@ -92,6 +92,14 @@ class Target:
     uncertainty: SkyUncertainty | None = None
 
     @property
+    def motion(self) -> tuple[float, ...]:
+        """Azimuth and elevation, their rates and their accelerations."""
+        return (
+            self.azimuth_rad, self.elevation_rad, self.azimuth_rate_rad_s, self.elevation_rate_rad_s,
+            self.azimuth_acceleration_rad_s2, self.elevation_acceleration_rad_s2,
+        )  # fmt: skip
+
+    @property
     def light_time_s(self) -> float:
         """One-way travel time of the signal."""
         return self.range_m / SPEED_OF_LIGHT_M_S
@@ -103,9 +111,7 @@ class Target:
 
     def __post_init__(self) -> None:
         if all_finite(
-            self.t_s, self.azimuth_rad, self.elevation_rad, self.azimuth_rate_rad_s, self.elevation_rate_rad_s,
-            self.azimuth_acceleration_rad_s2, self.elevation_acceleration_rad_s2, self.range_m, self.range_rate_m_s,
-            self.refraction_rad, self.satellite_gain_db,
+            self.t_s, *self.motion, self.range_m, self.range_rate_m_s, self.refraction_rad, self.satellite_gain_db,
         ):  # fmt: skip
             return
         for name in self.__slots__:

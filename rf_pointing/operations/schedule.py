@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
 
-from rf_pointing.core import Pair, Params, id_of, parameter, require_id, require_name
+from rf_pointing.core import LEVEL, Kinematics, Pair, Params, id_of, parameter, require_id, require_name
 from rf_pointing.planning import AxisLimits, AxisRates, Candidate, reasons_against, turns_within
 from rf_pointing.planning.schedule import schedule
 
@@ -132,9 +132,11 @@ class Schedule:
     """The passes of one antenna with their states; times in UTC s."""
 
     def __init__(
-        self, limits: AxisLimits, axes: AxisRates, params: BetweenParams | None = None, antenna: str = ""
-    ) -> None:
+        self, limits: AxisLimits, axes: AxisRates, params: BetweenParams | None = None, antenna: str = "",
+        mount: Kinematics = LEVEL,
+    ) -> None:  # fmt: skip
         self.limits, self.axes, self.params, self.antenna = limits, axes, params or BetweenParams(), antenna
+        self._mount = mount
         self.entries: dict[str, Entry] = {}
         self.taken: Collection[str] = ()
         """Ids of passes that another antenna tracks."""
@@ -265,7 +267,7 @@ class Schedule:
 
     def _turns(self, item: ScheduledPass) -> tuple[tuple[Pair, Pair], ...]:
         if item.azimuth_path_rad is not None:
-            return turns_within(self.limits, item.azimuth_path_rad, item.elevation_rad)
+            return turns_within(self.limits, item.azimuth_path_rad, item.elevation_rad, self._mount)
         low, high = self.limits.azimuth_min_rad, self.limits.azimuth_max_rad
         # Unknown: from one end of the travel to the other, which no turn takes longer than.
         return (((low, self.limits.elevation_min_rad), (high, self.limits.elevation_min_rad)),)

@@ -20,6 +20,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rf_pointing.core.kinematics import LEVEL, Kinematics
 from rf_pointing.core.types import TURN, Array, Pair
 from rf_pointing.planning.limits import AxisLimits, AxisRates
 
@@ -57,15 +58,22 @@ Chain = list[tuple[Candidate, int]]
 
 
 def turns_within(
-    limits: AxisLimits, azimuth_path_rad: tuple[float, float, float, float], elevation_rad: Pair
-) -> tuple[tuple[Pair, Pair], ...]:
+    limits: AxisLimits, azimuth_path_rad: tuple[float, float, float, float], elevation_rad: Pair,
+    mount: Kinematics = LEVEL,
+) -> tuple[tuple[Pair, Pair], ...]:  # fmt: skip
     """Return the axis positions at both ends of a pass for each turn that fits the azimuth travel.
 
     `azimuth_path_rad` holds the azimuth at the start, the smallest, the largest and that at the
     end, continuous over the pass.  An elevation axis that reaches beyond the zenith adds the
-    plunged positions.
+    plunged positions.  Of another `mount` the lower axis takes the place of the azimuth.
     """
     begin, low, high, end = azimuth_path_rad
+    if not mount.level:
+        # What lies between both ends is for the certificate to judge.
+        places = zip((begin, end), elevation_rad, strict=True)
+        (begin, rise), (end, set_) = (mount.axes_at(*place) for place in places)
+        begin, end = math.remainder(begin, TURN), math.remainder(end, TURN)
+        low, high, elevation_rad = min(begin, end), max(begin, end), (rise, set_)
     sides = [(0.0, elevation_rad)]
     if math.pi - min(elevation_rad) <= limits.elevation_max_rad:
         sides.append((math.pi, (math.pi - elevation_rad[0], math.pi - elevation_rad[1])))

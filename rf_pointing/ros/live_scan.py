@@ -48,9 +48,9 @@ class LiveScan(LivePass):
 
             run.node.create_subscription(kind, name, guarded, qos)
 
-        take, power, joints = self.samples, convert.power_from_message, convert.joints_from_message
-        listen(CarrierPower, "carrier_power", lambda m: take.take_power(power(m)))
-        listen(JointState, "joint_states", lambda m: take.take_joints(joints(m)))
+        power, joints = convert.power_from_message, convert.joints_from_message
+        listen(CarrierPower, "carrier_power", lambda m: self.samples.take_power(power(m)))
+        listen(JointState, "joint_states", lambda m: self.samples.take_joints(joints(m)))
         listen(TrackingStatus, "tracking_status", self._take_status)
         listen(PointingModel, "pointing_model", self._take_model, LATCHED)
 

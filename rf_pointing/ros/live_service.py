@@ -17,7 +17,6 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
 from rf_pointing.core import JointReading, nearest_turn_rad
-from rf_pointing.planning import AxisLimits
 from rf_pointing.ros import convert
 from rf_pointing.ros.command_key import CommandKey, CommandKeyParams
 from rf_pointing.ros.leased_services import OWNER, Caller
@@ -27,6 +26,7 @@ from rf_pointing.ros.repeated_call import RepeatedCall
 from rf_pointing.ros.stamps import seconds_from_stamp
 from rf_pointing.ros.station_run import GraphRun
 from rf_pointing.station.antenna.modes import BRAKE, RELEASE
+from rf_pointing.station.pointing.params import ControllerParams
 from rf_pointing.station.service.keeper import ServiceDesk
 
 STEP_S, KEEP_S, REPORT_S = 1.0, 600.0, 1.0
@@ -40,12 +40,13 @@ COMMANDED_RAD, SETTLED_S = 1e-4, 5.0
 class LiveService:
     """Serves the targets of a desk with the station in the namespace of `run`.
 
-    `key` is the file that signs the calls, "" for none; `lowest_rad` the elevation below which a
-    target is waited for.
+    `own` are the parameters of its controller, `key` is the file that signs the calls, "" for none;
+    `lowest_rad` the elevation below which a target is waited for.
     """
 
-    def __init__(self, run: GraphRun, desk: ServiceDesk, limits: AxisLimits, lowest_rad: float, key: str) -> None:
-        self._run, self._desk, self._limits, self._lowest_rad = run, desk, limits, lowest_rad
+    def __init__(self, run: GraphRun, desk: ServiceDesk, own: ControllerParams, lowest_rad: float, key: str) -> None:
+        self._run, self._desk, self._lowest_rad = run, desk, lowest_rad
+        self._limits, self._mount = own.limits, own.kinematics
         self._caller = Caller(run.node, CommandKey(CommandKeyParams(command_key_file=key)))
         self._clients: dict[str, Any] = {}
         self._joints: JointReading | None = None
@@ -95,12 +96,12 @@ class LiveService:
         moving = bool(self._steps) or self._call is not None or self._status.mode != AntennaStatus.MODE_DISABLED
         level_s, level_db = self._level
         level = level_db if t_s - level_s <= LEVEL_AGE_S and level_db > 0.0 else None
-        azimuth, elevation = joints.position_rad.tolist()
+        beam = self._mount.sky_at(*joints.position_rad.tolist())
         if service.direction(t_s)[1] < self._lowest_rad:
             service.state = "waits below the horizon"
         elif t_s >= self._after_s:
             # The first move may begin in any mode: afterwards the brakes are set.
-            goal = service.step(t_s, (azimuth, elevation), level, moving=moving and service.starts.any())
+            goal = service.step(t_s, beam, level, moving=moving and service.starts.any())
             if goal is not None:
                 self._move(t_s, goal)
         self._report(t_s)
@@ -109,15 +110,16 @@ class LiveService:
 
     def _move(self, t_s: float, goal: tuple[float, float]) -> None:
         assert self._joints is not None
-        azimuth = nearest_turn_rad(goal[0], float(self._joints.position_rad[0]))
+        first, second = self._mount.axes_at(*goal)
+        first = nearest_turn_rad(first, float(self._joints.position_rad[0]))
         # The nearest turn of the cables that the travel allows.
         low, high = self._limits.azimuth_min_rad, self._limits.azimuth_max_rad
-        turns = math.ceil((low - azimuth) / math.tau) if azimuth < low else -math.ceil((azimuth - high) / math.tau)
-        azimuth += math.tau * turns if not low <= azimuth <= high else 0.0
-        request = GoTo.Request(azimuth=azimuth, elevation=goal[1])
+        turns = math.ceil((low - first) / math.tau) if first < low else -math.ceil((first - high) / math.tau)
+        first += math.tau * turns if not low <= first <= high else 0.0
+        request = GoTo.Request(azimuth=first, elevation=second)
         self._steps = [(RELEASE, Trigger.Request()), ("go_to", request), (BRAKE, Trigger.Request())]
         self._begun_s = self._there_s = t_s
-        self._goal_rad = np.array([azimuth, goal[1]])
+        self._goal_rad = np.array([first, second])
 
     def _go_on(self, t_s: float) -> None:
         """Take the next step of a move where the one before is done."""

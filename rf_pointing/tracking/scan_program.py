@@ -18,7 +18,7 @@ from itertools import accumulate
 
 import numpy as np
 
-from rf_pointing.core import Array, Pair, Params, parameter
+from rf_pointing.core import LEVEL, Array, Kinematics, Pair, Params, parameter
 from rf_pointing.tracking.scan import Offset, growth
 from rf_pointing.tracking.search import Legs
 
@@ -29,7 +29,7 @@ POINTS = {
     "nine_point": ((0, 0), (1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1)),
 }
 PATTERNS = ("cross", *POINTS, "raster", "drift", *CURVES)
-# First axis of the offsets: on the sky along the horizon, of the azimuth axis, or to the east.
+# First axis of the offsets: on the sky along the horizon, of the lower axis, or to the east.
 ACROSS, AZIMUTH, EAST = FRAMES = ("cross_elevation", "azimuth", "right_ascension")
 SHORTEST_RAMP_S = 2.0
 
@@ -91,17 +91,19 @@ class ScanProgram:
         rates = np.array([self.offset(t)[2:] for t in np.arange(0.0, self.duration_s, 0.05)])
         return float(np.abs(rates).max()), float(np.abs(np.diff(rates, axis=0)).max() / 0.05)
 
-    def axes(self, place_rad: Array, latitude_rad: float) -> Array:
-        """Return what makes cross-elevation and elevation (n, 2, 2) of the frame's offsets.
+    def axes(self, place_rad: Array, latitude_rad: float, mount: Kinematics = LEVEL) -> Array:
+        """Return what makes offsets across and along the upper axis (n, 2, 2) of the frame's.
 
-        `place_rad` (n, 2) are azimuth and elevation of the target.  Celestial offsets are east,
-        multiplied by the cosine of the declination, and north.
+        `place_rad` (n, 2) are the angles of the axes at the target.  Celestial offsets are east,
+        multiplied by the cosine of the declination, and north; those of the mount are of its lower
+        and upper axis.
         """
-        azimuth, elevation = place_rad.T
         turn = np.tile(np.eye(2), (len(place_rad), 1, 1))
         if self.params.frame == AZIMUTH:
-            turn[:, 0, 0] = np.cos(elevation)
-        elif self.params.frame == EAST:
+            turn[:, 0, 0] = np.cos(place_rad[:, 1])
+            return turn
+        azimuth, elevation = mount.directions(*place_rad.T)
+        if self.params.frame == EAST:
             # The way to the celestial pole, from the vertical clockwise.
             right = -np.sin(azimuth) * math.cos(latitude_rad)
             up = np.cos(elevation) * math.sin(latitude_rad)
@@ -109,7 +111,7 @@ class ScanProgram:
             length = np.maximum(np.hypot(right, up), 1e-12)
             sine, cosine = right / length, up / length
             turn[:] = np.moveaxis(np.array([[-cosine, sine], [sine, cosine]]), 2, 0)
-        return turn
+        return turn if mount.level else mount.across(azimuth, elevation) @ turn
 
     def _baseline(self) -> Legs | None:
         params, off = self.params, (self.params.baseline_rad, 0.0)

@@ -4,9 +4,11 @@ import itertools
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import rf_pointing as rp
+from rf_pointing.core import angular_distance_rad
 from rf_pointing.core.dates import parse_utc
 from rf_pointing.operations.pass_list import read_passes
 from rf_pointing.station.description import read_station
@@ -18,6 +20,18 @@ CLOUDY = {"LEO 3.7 m": 0.3}
 
 def stations() -> list[rp.Station]:
     return [rp.Station("dss13"), rp.Station("leo_3m7", "S")]
+
+
+def test_stations_of_every_mount_share_the_passes_and_slew_in_the_angles_of_their_axes() -> None:
+    mixed = [rp.Station(name) for name in ("leo_3m7", "xy_7m3", "polar_3m", "tilt_5m")]
+    plan = rp.plan_network(mixed, [CBERS, rp.elements("DELTA 1 DEB", contact_minutes=60.0)], start=START, hours=12.0)
+    assert {row["station"] for row in plan.rows} == {one.name for one in mixed}
+    for each in itertools.chain.from_iterable(one.day.passes for one in plan.plans.values()):
+        if each.certificate and (chosen := each.certificate.chosen):
+            first, last = each.certificate.mount.skies(np.array([chosen.start_rad, chosen.end_rad]))
+            window = each.window
+            assert angular_distance_rad(*first, window.aos_azimuth_rad, window.aos_elevation_rad) < 0.01
+            assert angular_distance_rad(*last, window.los_azimuth_rad, window.los_elevation_rad) < 0.01
 
 
 @pytest.fixture(scope="module")

@@ -64,13 +64,13 @@ def plan(station: Any, bands: Sequence[str]) -> tuple[list[Elements], list[Sched
 
 
 def small_night(
-    folder: Path, bands: Sequence[str] = ("", ""), **changes: Any
+    folder: Path, bands: Sequence[str] = ("", ""), name: str = "leo_3m7", **changes: Any
 ) -> tuple[StationDescription, Path, list[ScheduledPass]]:
     """Write station and elements into `folder`; return both, and the passes."""
     path, elements = folder / "station.yaml", folder / "elements.json"
     # Of a pass of 95 s a scan needs 20 s to acquire the target.
     short = {"mount.pass_elevation_deg": MASK_DEG, "tuning.machine.least_share": 0.6}
-    read_station("leo_3m7").write(path, short | changes)
+    read_station(name).write(path, short | changes)
     station = read_station(path)
     satellites, passes = plan(station, bands)
     elements.write_text(json.dumps([as_omm(one) for one in satellites]))

@@ -26,6 +26,19 @@ def flown(simulation: Any, folder: Path, *faults: Any, bands: Sequence[str] = ("
     return night
 
 
+@pytest.mark.parametrize("name", ["xy_7m3", "polar_3m", "tilt_5m"])
+def test_every_pass_is_tracked_without_an_operator_and_the_antenna_is_stowed(
+    simulation: Any, tmp_path: Path, name: str
+) -> None:
+    tilt = {"mount.train_deg": 30.0} if name == "tilt_5m" else {}
+    night = flown(simulation, tmp_path, name=name, **tilt)
+    assert [record.state for record in night.night.records] == ["tracked", "tracked"]
+    assert all(record.tracked_s > 0.7 * (record.los_t_s - record.aos_t_s) for record in night.night.records)
+    assert night.antenna.mode == "stowed"
+    assert (night.log.messages, night.log.outside) == ([], [])
+    assert night.night.finished
+
+
 def test_a_night_without_an_operator_tracks_each_satellite_in_its_band_with_one_feed_off_the_axis_and_stows(
     simulation: Any, tmp_path: Path
 ) -> None:

@@ -4,52 +4,59 @@
     2026-11-26T18:04:10,METEOR-M2 4,0.48,-0.31
     2026-11-26T18:30:00,Moon,0.51,-0.33
 
-Offsets are those of the axes: azimuth is not multiplied by cos(elevation).  They count from the
-prediction without a model.  A target is a name or number among the elements, Sun, Moon, a radio
-source, a planet or `radec RA DEC`.  A fifth column `sigma_deg` may say how well the middle of the
-beam was found on the sky.
+Offsets are those of the axes, under their names (`x_offset_deg` of an X-Y mount): azimuth is not
+multiplied by cos(elevation).  They count from the prediction without a model.  A target is a name
+or number among the elements, Sun, Moon, a radio source, a planet or `radec RA DEC`.  A fifth column
+`sigma_deg` may say how well the middle of the beam was found on the sky.
 """
 
 import csv
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
 from rf_pointing.calibration import Observations
-from rf_pointing.core import DATA_BYTES, Array, RadioRefraction, is_number, parse_utc, read_whole
+from rf_pointing.calibration.terms import names_of
+from rf_pointing.core import DATA_BYTES, LEVEL, Kinematics, RadioRefraction, is_number, parse_utc, read_whole
+from rf_pointing.core.mount_types import MOUNTS
 from rf_pointing.ephemeris import Elements, Site, TargetSource, TopocentricTrack, find_elements
 from rf_pointing.ephemeris.source import body_of
 
-COLUMNS = ("utc", "target", "azimuth_offset_deg", "elevation_offset_deg")
 SIGMA = "sigma_deg"
 FOUND_WITHIN = 0.1
 """Accuracy of a row without a sigma, in beamwidths: that of a peak found by hand."""
 LARGEST_DEG, FAR_M = 11.0, 1e16
-OFFSETS = ("azimuth_offset", "elevation_offset")
-TILT = ("mislevel_east", "mislevel_north")
-BENDING = ("collimation", "droop")
+# Numbers of the terms of `calibration/terms.py`: offsets, tilt of the lower axis, bending.
+OFFSETS, TILT, BENDING = (1, 10), (8, 9), (3, 11)
 FEWEST_TILTED, FEWEST_BENT = 8, 12
 LEAST_SPAN_RAD = math.radians(25.0)
 
 
+def columns_of(axes: tuple[str, str]) -> tuple[str, ...]:
+    """Return the columns of a table of these axes; the last one may be left out."""
+    return "utc", "target", *(f"{axis}_offset_deg" for axis in axes), SIGMA
+
+
 def holds_offsets(path: Path) -> bool:
-    """Return whether a CSV file is a table of offsets, by its header."""
-    return COLUMNS[2] in _header(path)
+    """Return whether a CSV file is a table of offsets, of any mount, by its header."""
+    header = _header(path)
+    return any(columns_of(each.axes)[2] in header for each in MOUNTS.values())
 
 
 def read_offsets(
     path: Path, station: str, band: str, site: Site, beamwidth_rad: float,
     elements: Sequence[Elements], max_age_s: float,
-    refraction: RadioRefraction | Literal["standard"] | None = "standard",
+    refraction: RadioRefraction | Literal["standard"] | None = "standard", mount: Kinematics = LEVEL,
 ) -> Observations:  # fmt: skip
     """Return the rows as calibration points, each a pass of its own; ValueError names the line."""
     lines = read_whole(path, DATA_BYTES, "utf-8-sig").splitlines()
-    header = _header(path)
-    if set(header) - {*COLUMNS, SIGMA} or not set(COLUMNS) <= set(header):
-        raise ValueError(f"{path}: the columns must be {','.join(COLUMNS)}, and {SIGMA} if it is known")
+    header, columns = _header(path), columns_of(mount.axes)
+    if set(header) - set(columns) or not set(columns[:-1]) <= set(header):
+        needed = f"{','.join(columns[:-1])}, and {SIGMA} if it is known"
+        raise ValueError(f"{path}: the columns must be {needed}; the mount is {mount.words}")
     tracks: dict[str, TopocentricTrack] = {}
     rows = []
     for number, cells in enumerate(csv.reader(lines), start=1):
@@ -61,9 +68,9 @@ def read_offsets(
             if target not in tracks:
                 source = _source(elements, target)
                 tracks[target] = TopocentricTrack(source, site, max_age_s=max_age_s, refraction=refraction)
-            t_s, offset = parse_utc(row["utc"].strip()), [_number(row, name) for name in COLUMNS[2:]]
+            t_s, offset = parse_utc(row["utc"].strip()), [_number(row, name) for name in columns[2:-1]]
             sigma = math.radians(_number(row, SIGMA)) if SIGMA in row else FOUND_WITHIN * beamwidth_rad
-            rows.append((t_s, *_motion(tracks[target], t_s), *np.radians(offset), sigma))
+            rows.append((t_s, *_motion(tracks[target], t_s, mount), *np.radians(offset), sigma))
         except ValueError as error:
             raise ValueError(f"{path}, line {number}: {error}") from None
     t_s, azimuth, elevation, *motion, range_m, range_rate_m_s, azimuth_offset, elevation_offset, sigma = np.array(
@@ -75,7 +82,7 @@ def read_offsets(
         true_azimuth_rad=azimuth, true_elevation_rad=elevation, azimuth_rate_rad_s=motion[0],
         elevation_rate_rad_s=motion[1], azimuth_acceleration_rad_s2=motion[2], elevation_acceleration_rad_s2=motion[3],
         sigma_azimuth_rad=sigma / np.maximum(np.cos(elevation), 1e-3), sigma_elevation_rad=sigma,
-        range_m=range_m, range_rate_m_s=range_rate_m_s,
+        range_m=range_m, range_rate_m_s=range_rate_m_s, mount=mount,
     )  # fmt: skip
 
 
@@ -85,11 +92,12 @@ def terms_of_offsets(points: Observations) -> tuple[str, ...]:
     The two offsets always; the tilt of the mount with `FEWEST_TILTED` rows in three quarters of the
     compass; collimation and droop with `FEWEST_BENT` rows over `LEAST_SPAN_RAD` of elevation.
     """
-    found: Callable[[Array], int] = lambda values: len(np.unique(values))  # noqa: E731
-    quarters = found(np.floor(points.true_azimuth_rad % math.tau / (0.5 * math.pi)))
+    azimuth, elevation = points.sky_rad()
+    quarters = len(np.unique(np.floor(azimuth % math.tau / (0.5 * math.pi))))
     tilted = len(points) >= FEWEST_TILTED and quarters >= 3
-    bent = len(points) >= FEWEST_BENT and float(np.ptp(points.true_elevation_rad)) >= LEAST_SPAN_RAD
-    return OFFSETS + TILT * tilted + BENDING * bent
+    bent = len(points) >= FEWEST_BENT and float(np.ptp(elevation)) >= LEAST_SPAN_RAD
+    names = names_of(points.mount.type)
+    return tuple(names[number - 1] for number in OFFSETS + TILT * tilted + BENDING * bent)
 
 
 def _header(path: Path) -> list[str]:
@@ -106,17 +114,10 @@ def _source(elements: Sequence[Elements], target: str) -> Elements | TargetSourc
     return find_elements(elements, target)
 
 
-def _motion(track: TopocentricTrack, t_s: float) -> list[float]:
-    look = track.sample([t_s])
-    names = ("azimuth", "elevation")
+def _motion(track: TopocentricTrack, t_s: float, mount: Kinematics) -> list[float]:
+    look = mount.of_axes(track.target_at(t_s))
     # No error of an orbit moves a star.
-    far = track.target.at_infinity
-    place = [FAR_M, 0.0] if far else [float(look.range_m[0]), float(look.range_rate_m_s[0])]
-    return [
-        float(getattr(look, f"{axis}{ending}")[0])
-        for ending in ("_rad", "_rate_rad_s", "_acceleration_rad_s2")
-        for axis in names
-    ] + place
+    return [*look.motion, *((FAR_M, 0.0) if track.target.at_infinity else (look.range_m, look.range_rate_m_s))]
 
 
 def _number(row: dict[str, str], name: str) -> float:

@@ -19,6 +19,8 @@ from rf_pointing.ephemeris import Elements, Pass, Site, TopocentricTrack, find_p
 
 # The pass is followed from lower than its points: the search needs time before the first one.
 LEAST_MASK_RAD = math.radians(1.0)
+# Orbits lead so far beyond a station that it sees beacons at 600 km towards the pole as well.
+LEAST_INCLINATION_RAD, BEYOND_RAD = math.radians(50.0), math.radians(14.5)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,9 +90,10 @@ def window_of(candidate: CandidatePass, elements: Elements, site: Site, acquisit
     return found[0]
 
 
-def beacons(epoch_t_s: float) -> list[Elements]:
-    """Return 225 satellites at 600 km and 225 at 3000 km, named BEACON 001 onwards."""
+def beacons(epoch_t_s: float, latitude_rad: float = 0.0) -> list[Elements]:
+    """Return 225 satellites at 600 km and 225 at 3000 km for a latitude, BEACON 001 onwards."""
     count, turn = 15, 2.0 * math.pi
+    inclination_rad = max(LEAST_INCLINATION_RAD, min(abs(latitude_rad) + BEYOND_RAD, 0.5 * math.pi))
     # Planes are staggered by a third of the spacing, or all would cross a latitude together.
     orbits = [
         (height_m, turn * plane / count, turn * ((place + plane / 3.0) / count % 1.0))
@@ -101,7 +104,7 @@ def beacons(epoch_t_s: float) -> list[Elements]:
     return [
         Elements(
             name=f"BEACON {number:03d}", catalogue_number=90000 + number, epoch_t_s=epoch_t_s,
-            inclination_rad=math.radians(50.0), ascending_node_rad=node, eccentricity=0.001,
+            inclination_rad=inclination_rad, ascending_node_rad=node, eccentricity=0.001,
             argument_of_perigee_rad=0.0, mean_anomaly_rad=anomaly,
             mean_motion_rad_s=math.sqrt(EARTH_MU_M3_S2 / (EARTH_RADIUS_M + height_m) ** 3),
             drag_per_earth_radius=0.0, international_designator="06001A",

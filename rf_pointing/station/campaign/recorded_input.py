@@ -49,10 +49,14 @@ def read_points(paths: Sequence[Path], mount: Kinematics = LEVEL) -> Observation
 
 
 def read_raw(path: Path, band: str, mount: Kinematics = LEVEL) -> list[RawTracking]:
-    """Return the passes of a CSV file or a TDM; `band` is that of messages that name none."""
-    if path.suffix != ".csv" and not mount.level:
-        raise ValueError(f"{path} holds azimuth and elevation, and the mount is {mount.words}: give CSV with its axes")
-    tracks = [read_tracking(path, mount)] if path.suffix == ".csv" else read_tdm(path, band=band)
+    """Return the passes of a CSV file or a TDM in angles of the axes.
+
+    A TDM has azimuth and elevation; `band` is that of messages that name none.
+    """
+    if path.suffix == ".csv":
+        tracks = [read_tracking(path, mount)]
+    else:
+        tracks = [one.turned(mount.of_directions) for one in read_tdm(path, band=band)]
     return [one for track in tracks for one in split_passes(track, PASS_GAP_S)]
 
 

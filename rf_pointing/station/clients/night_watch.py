@@ -83,8 +83,8 @@ class NightWatch:
         actions = {"record": self._record, "end_record": self.folder.end_record, "report": self.folder.report}
         self.sender = connect(tables.directives, actions, self._responded, self._ended)
         self.night = Night(
-            Schedule(controller.limits, controller.machine.axes, between, antenna), tables.procedure, tables.recovery,
-            self.sender.send, quiet_s=alarms.quiet_s, sensor=own.sensor, band=band,
+            Schedule(controller.limits, controller.machine.axes, between, antenna, controller.kinematics),
+            tables.procedure, tables.recovery, self.sender.send, quiet_s=alarms.quiet_s, sensor=own.sensor, band=band,
             least_share=controller.machine.least_share, save=self._keep,
         )  # fmt: skip
         self.alarms = StationAlarms(

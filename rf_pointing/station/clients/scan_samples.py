@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from rf_pointing.core import Array, CarrierPower, JointReading, Mode, PointingError, sky_offset_rad
+from rf_pointing.core import LEVEL, Array, CarrierPower, JointReading, Kinematics, Mode, PointingError, sky_offset_rad
 from rf_pointing.core.signals import TimeBuffer
 from rf_pointing.radiometry.scan_fit import Samples
 
@@ -17,9 +17,13 @@ LONGEST_QUEUE = 200
 
 
 class ScanSamples:
-    """Collects while program track is in force; a `CarrierTracker` that reports no error."""
+    """Collects while program track is in force; a `CarrierTracker` that reports no error.
 
-    def __init__(self) -> None:
+    Encoders and centre are angles of the axes of `mount`, the samples offsets on the sky.
+    """
+
+    def __init__(self, mount: Kinematics = LEVEL) -> None:
+        self._mount = mount
         self._joints, self._centre = TimeBuffer(), TimeBuffer()
         self._waiting, self._scanned = list[CarrierPower](), False
         self._rows: list[tuple[float, ...]] = []
@@ -61,10 +65,17 @@ class ScanSamples:
             t_s = power.t_s - 0.5 * power.integration_s
             joints, centre = self._joints.at(t_s), self._centre.at(t_s)
             if joints is not None and centre is not None:
-                self._rows.append((t_s, power.power_w, power.sigma_w, *_beam(joints, centre)))
+                self._rows.append((t_s, power.power_w, power.sigma_w, *self._beam(joints, centre)))
             elif not any(one.times and t_s < one.times[0] for one in (self._joints, self._centre)):
                 return
             del self._waiting[0]
+
+    def _beam(self, joints_rad: Array, centre_rad: Array) -> tuple[float, float, float]:
+        """Return how far the beam is off the centre on the sky, and its elevation."""
+        beam, centre = (self._mount.sky_at(*each.tolist()) for each in (joints_rad, centre_rad))
+        # Exact on the sphere: 4 deg across at 50 deg of elevation bend by 0.2 deg.
+        right, up = sky_offset_rad(*beam, *centre)
+        return float(right), float(up), beam[1]
 
     def samples(self, strength: Array | None = None, sky: Array | None = None) -> Samples:
         """Return what was collected; `strength` and `sky` (n,) as in the fit, 1 without them."""
@@ -84,10 +95,3 @@ class ScanSamples:
     def t_s(self) -> Array:
         """Times (n,) of the samples."""
         return np.array([row[0] for row in self._rows]) if self._rows else np.full(1, math.nan)
-
-
-def _beam(joints_rad: Array, centre_rad: Array) -> tuple[float, float, float]:
-    """Return how far the beam is off the centre on the sky, and its elevation."""
-    # Exact on the sphere: 4 deg across at 50 deg of elevation bend by 0.2 deg.
-    right, up = sky_offset_rad(*joints_rad, *centre_rad)
-    return float(right), float(up), float(joints_rad[1])

@@ -26,15 +26,6 @@ OF_EVERY_NODE = (
     "lifecycle.autostart", "lifecycle.realtime_priority", "station", "band", "use_sim_time",
     "start_type_description_service",
 )  # fmt: skip
-KNOWS_EVERY_MOUNT = frozenset({"check_station", "plan_passes"})
-"""Commands that know axes by their mount."""
-FLIES_OTHER_MOUNTS = frozenset({
-    "simulate", "replay", "track", "calibrate", "plan_calibration", "fit_bias_model", "a fit of the bias model",
-    "antenna_servo", "rf_receiver", "signal_source", "signal_receiver", *(each.node for each in SENSORS.values()),
-    "bias_calibrator", "ephemeris_publisher", "pointing_controller", "station_description", "rotctld_server",
-    "operator_page", "simulation_clock", "station_alarms", "radio_control",
-})  # fmt: skip
-"""Commands and nodes that fly any mount whose tilt is set; any other refuses other mounts."""
 # Parameters of before, and the key that took their place.
 _FORMER = {
     ("ephemeris_publisher", "source.station"): "site", ("rf_receiver", "source.station"): "site",
@@ -207,18 +198,10 @@ class StationDescription:
         path.write_text(text_with(self, changes))
 
     def require_mount(self, user: str) -> None:
-        """Raise ValueError for a mount whose axes `user`, a node or command, does not know.
-
-        Angles of other axes would be taken for azimuth and elevation.
-        """
-        kind = self.content.mount.type
-        if user in FLIES_OTHER_MOUNTS and self.content.mount.leans_anywhere:
+        """Raise ValueError for a mount that may lean anywhere: `user` must know its axes."""
+        if self.content.mount.leans_anywhere:
             raise ValueError(
                 f"mount.train_deg of {self.name} is missing: {user} must know to which azimuth it leans in the pass"
-            )
-        if kind != AZIMUTH_ELEVATION and user not in KNOWS_EVERY_MOUNT | FLIES_OTHER_MOUNTS:
-            raise ValueError(
-                f"{user} knows mounts of type {AZIMUTH_ELEVATION} alone: mount.type of {self.name} is {kind}"
             )
 
     def _band(self, band: str | None) -> str:

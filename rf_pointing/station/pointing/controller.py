@@ -125,7 +125,6 @@ class PointingController:
             self._wide_until_s = -math.inf
         self.params = params = self._wider.params if self._in_wider else self._own
         self._scans = Scans(params.spiral, params.calibration.scan, params.watch.probe, params)
-        self._scans.latitude_rad = params.sun.site.latitude_rad
         self.carrier = CarrierWatch(params.watch, params.link)
         self._mode.use_band(t_s, params.autotrack, self.carrier, f"the {band} band takes over")
         self.corrections.use_band(t_s + params.pointing.transport_s, params.integrator, self._scans, params.trim)
@@ -276,14 +275,10 @@ class PointingController:
         if self.antenna.fault:
             raise ValueError(f"the antenna has a latched fault ({self.antenna.fault}); reset it first")
         self.carrier.require_level(window, sensor, self._mode.params, self.plan.profile_of(window))
-        if scan is not None and not self.plan.mount.level:
-            raise ValueError(
-                f"scan: its frames are those of azimuth and elevation, the mount is {self.plan.mount.type}"
-            )
         program = None if scan is None else ScanProgram(scan)
         if program is not None:
             self._require_scan(t_s, window, program)
-        self._scans.program, self._scans.latitude_rad = program, self.params.sun.site.latitude_rad
+        self._scans.program = program
         self.plan.forget()
         self._wide_until_s = -math.inf
         axes, known = self._motion.axes, self.plan.profile_of(window) is not None

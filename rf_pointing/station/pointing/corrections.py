@@ -468,7 +468,7 @@ class PointingCorrections:
         program = self._scan_params.program
         if program is not None and math.isfinite(self._scans.end_s) and self._ahead is not None:
             place = _interpolated(times, self._ahead.t_s, self._ahead.place)
-            turn = program.axes(place, self._scan_params.latitude_rad)
+            turn = program.axes(place, self._scan_params.latitude_rad, self._scan_params.mount)
             # The axes of a frame turn slowly against the scan: their rates are left to the servo.
             offset, rate = (np.einsum("nij,nj->ni", turn, part) for part in (offset, rate))
         share = np.interp(times, *self._share)

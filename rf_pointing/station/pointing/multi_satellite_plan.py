@@ -409,6 +409,15 @@ def _no_turn(window: CataloguePass, limits: AxisLimits) -> str:
     return f"azimuth {low:.1f} to {high:.1f} deg fits no turn within the travel {travel}"
 
 
+<<<<<<< HEAD
+=======
+def _on_every_turn(rules: PlanningRules, azimuth_rad: float, elevation_rad: float) -> list[Pair]:
+    """Return the positions of the axes for one direction, on every turn of the travel."""
+    path = azimuth_rad, azimuth_rad, azimuth_rad, azimuth_rad
+    return [start for start, _ in turns_within(rules.limits, path, (elevation_rad, elevation_rad), rules.mount)]
+
+
+>>>>>>> h2
 class _Certificates:
     """Certificates of passes in a row; those whose slew did not change are issued once."""
 
@@ -489,21 +498,19 @@ def _least(mask: HorizonMask, least_rad: float) -> float | Horizon:
 
 
 def turns_of(
-    limits: AxisLimits, path: tuple[float, float, float, float], elevations: Pair
+    rules: PlanningRules, path: tuple[float, float, float, float], elevations: Pair
 ) -> tuple[tuple[Pair, Pair], ...]:
     """Return where the axes begin and end a pass on each turn of the travel."""
     # A pass that fits no turn waits at a stop or unwinds: it ends on any turn, as its certificate.
     ends = ((path[0], elevations[0]), (path[3], elevations[1]))
+<<<<<<< HEAD
     rises, sets = ([start for start, _ in turns_within(limits, (az,) * 4, (el, el))] for az, el in ends)
     return turns_within(limits, path, elevations) or tuple(itertools.product(rises, sets))
+=======
+    rises, sets = (_on_every_turn(rules, *place) for place in ends)
+    return turns_within(rules.limits, path, elevations, rules.mount) or tuple(itertools.product(rises, sets))
+>>>>>>> h2
 
 
 def _turns(window: CataloguePass, rules: PlanningRules) -> tuple[tuple[Pair, Pair], ...]:
-    elevations = window.aos_elevation_rad, window.los_elevation_rad
-    if rules.mount.level:
-        return turns_of(rules.limits, window.azimuth_path_rad, elevations)
-    # What lies between both ends is for the certificate to judge.
-    azimuths = window.azimuth_path_rad[0], window.azimuth_path_rad[-1]
-    (rise, low), (set_, high) = map(rules.mount.axes_at, azimuths, elevations)
-    rise, set_ = math.remainder(rise, math.tau), math.remainder(set_, math.tau)
-    return turns_of(rules.limits, (rise, min(rise, set_), max(rise, set_), set_), (low, high))
+    return turns_of(rules, window.azimuth_path_rad, (window.aos_elevation_rad, window.los_elevation_rad))

@@ -297,14 +297,14 @@ def _pieces(
     weights = np.array([_area(times[a : b + 1], height[a : b + 1]) for a, b in itertools.pairwise(places)])
     # A stay of `LONG_S` counts as much as a pass of its height.
     shares = whole.share * weights / (LONG_S * (COUNT_WORTH + math.sin(whole.peak_rad)) if lasts else weights.sum())
-    limits, found = day.antenna.rules.limits, []
+    found = []
     for number, (a, b) in enumerate(itertools.pairwise(places)):
         path = azimuth[a : b + 1]
         found.append(
             dataclasses.replace(
                 whole, aos_t_s=float(ends[number]), los_t_s=float(ends[number + 1]), share=float(shares[number]),
                 turns=turns_of(
-                    limits, (float(path[0]), float(path.min()), float(path.max()), float(path[-1])),
+                    day.antenna.rules, (float(path[0]), float(path.min()), float(path.max()), float(path[-1])),
                     (float(elevation[a]), float(elevation[b])),
                 ),
             )

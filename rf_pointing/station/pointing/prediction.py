@@ -67,15 +67,10 @@ class TargetBuffer:
 
     def add(self, target: Target) -> None:
         """Take one sample; a later one for the same time replaces the earlier."""
+        motion = Motion(*np.reshape(target.motion, (3, 2)))
         # On the turn of the sample before: a step of 2 pi would be a slew.
-        azimuth = target.azimuth_rad
         if self._motions:
-            azimuth = nearest_turn_rad(azimuth, float(self._motions[-1].position[0]))
-        motion = Motion(
-            np.array([azimuth, target.elevation_rad]),
-            np.array([target.azimuth_rate_rad_s, target.elevation_rate_rad_s]),
-            np.array([target.azimuth_acceleration_rad_s2, target.elevation_acceleration_rad_s2]),
-        )
+            motion.position[0] = nearest_turn_rad(target.azimuth_rad, float(self._motions[-1].position[0]))
         self.received_until_s, self.offsets = max(self.received_until_s, target.t_s), target.offsets
         self._insert(target.t_s, motion, target.range_m, target.satellite_gain_db)
 

@@ -6,6 +6,7 @@ then the track is swept in strips.
 """
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -54,11 +55,11 @@ PARTS, COPIES = 6, 8
 class Scans:
     """The search, the scans of all registered sensors, and the circles of other modes.
 
-    A sensor's own scan is that of its traits, else the parameter set of its name in `sets`.
-    `probe` is the circle that tests the lock of a watched sensor, None for none.
+    A sensor's own scan is that of its traits, else the parameter set of its name in `sets`, those
+    of the controller.  `probe` is the circle that tests the lock of a watched sensor, or None.
     """
 
-    def __init__(self, spiral: SpiralParams, calibration: ScanParams, probe: ScanParams | None, sets: object) -> None:
+    def __init__(self, spiral: SpiralParams, calibration: ScanParams, probe: ScanParams | None, sets: Any) -> None:
         self.spiral = spiral
         self._demands: dict[str, Pair] = {}
         self.sensors: dict[str, Scan] = {
@@ -66,7 +67,7 @@ class Scans:
         }
         self.program: ScanProgram | None = None
         """The scan on command of the pass in hand: the program track is scanned with it."""
-        self.latitude_rad = 0.0
+        self.latitude_rad, self.mount = sets.sun.site.latitude_rad, sets.kinematics
         self.circles: dict[str, ScanParams] = {Mode.CALIBRATE: calibration}
         if probe is not None:
             self.circles |= {traits.name: probe for traits in SENSORS.values() if traits.watched}

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 
 from rf_pointing.core.dates import utc_text
+from rf_pointing.core.signals import AXES
 from rf_pointing.radiometry.scan_fit import WIDTH, Samples, ScanFit
 from rf_pointing.radiometry.sources import Flux
 from rf_pointing.radiometry.y_factor import Figures, Sigma
-from rf_pointing.station.campaign.offset_table import COLUMNS
-from rf_pointing.station.campaign.offset_table import SIGMA as SIGMA_COLUMN
+from rf_pointing.station.campaign.offset_table import columns_of
 
 # Sigma of an offset, in beamwidths, up to which a table takes it.
 WELL_KNOWN = 0.2
@@ -29,7 +29,7 @@ class ScanNumbers:
     Attributes
     ----------
     t_s, azimuth_rad, elevation_rad : middle of the scan, and where the target was.
-    axis_offset_rad : what added to the axes without a model holds the beam on the target.
+    axis_offset_rad : what added to `axes` without a model holds the beam on the target.
     samples, fit : powers with the beam's offsets, and what was fitted.
     flux, figures : of a body: its flux, Y, G/T, system noise and efficiency; None for a carrier.
     """
@@ -45,6 +45,7 @@ class ScanNumbers:
     axis_offset_rad: tuple[float, float]
     samples: Samples = field(repr=False)
     fit: ScanFit = field(repr=False)
+    axes: tuple[str, str] = AXES
     flux: Flux | None = None
     figures: Figures | None = None
 
@@ -108,7 +109,7 @@ class ScanNumbers:
                 f"{self.name}: the offset is known to {math.degrees(sigma):.3f} deg, must be <= "
                 f"{math.degrees(most):.3f} deg for a table"
             )
-        file, head = Path(path), ",".join((*COLUMNS, SIGMA_COLUMN))
+        file, head = Path(path), ",".join(columns_of(self.axes))
         numbers = np.degrees([*self.axis_offset_rad, max(sigma, SUREST * self.beamwidth_rad)])
         row = ",".join([utc_text(self.t_s), self.name, *(f"{each:.6f}" for each in numbers)])
         text = f"{row}\n" if file.exists() else f"{head}\n{row}\n"

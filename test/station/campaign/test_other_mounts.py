@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 
 import rf_pointing as rp
-from rf_pointing.calibration import BiasModel, Observations, read_model, write_observations
+from rf_pointing.calibration import BiasModel, Observations, RawTracking, read_model, write_observations, write_tdm
 from rf_pointing.calibration.terms import names_of
-from rf_pointing.core import MDEG, JointReading, PointingError, random_stream
+from rf_pointing.core import MDEG, JointReading, PointingError, random_stream, wrap_rad
 from rf_pointing.ephemeris import TopocentricTrack
 from rf_pointing.station.campaign.log import CalibrationLog
 from rf_pointing.station.campaign.plan import ArcRules, beacons, candidate_arcs
+from rf_pointing.station.campaign.recorded_input import read_raw
 
 START_S = 1_780_000_000.0
 NOISE_RAD = 2.0 * MDEG
@@ -74,6 +75,20 @@ def test_the_planted_mount_is_that_of_a_fit_of_its_file(
         _ = rp.Station(other.description, model=tmp_path / "model.yaml").model
 
 
+def test_a_message_has_azimuth_and_elevation_and_is_read_in_the_angles_of_the_axes(
+    station: rp.Station, planted: BiasModel, tmp_path: Path
+) -> None:
+    mount, points = station.controller.kinematics, observed(station, planted)
+    one = points.select(points.pass_id == points.pass_id[0])
+    place = {"azimuth_rad": one.observed_azimuth_rad, "elevation_rad": one.observed_elevation_rad, "t_s": one.t_s}
+    known = {"range_m": None, "range_rate_m_s": None, "good": one.t_s > 0.0, "target": "bird"}
+    raw = RawTracking(station=station.name, band=station.band, **place, **known)
+    write_tdm(tmp_path / "a.tdm", [raw.turned(mount.directions)], originator="test", created_t_s=START_S)
+    (back,) = read_raw(tmp_path / "a.tdm", station.band, mount)
+    assert np.max(np.abs(wrap_rad(back.azimuth_rad - raw.azimuth_rad))) < 1e-9
+    np.testing.assert_allclose(back.elevation_rad, raw.elevation_rad, atol=1e-10)
+
+
 def test_what_is_observed_in_a_pass_is_what_the_model_says_of_the_axes(station: rp.Station, planted: BiasModel) -> None:
     mount = station.controller.kinematics
     track = TopocentricTrack(beacons(START_S)[100], station.site)
@@ -85,10 +100,8 @@ def test_what_is_observed_in_a_pass_is_what_the_model_says_of_the_axes(station: 
     for target, later in zip(targets, targets[4:], strict=False):
         log.take_target(later)
         own = mount.of_axes(target)
-        motion = (own.azimuth_rad, own.elevation_rad, own.azimuth_rate_rad_s, own.elevation_rate_rad_s,
-                  own.azimuth_acceleration_rad_s2, own.elevation_acceleration_rad_s2)  # fmt: skip
-        axes = np.array([float(each) for each in planted.apply(*motion)])
-        log.take_joints(JointReading(t_s=target.t_s, position_rad=axes, velocity_rad_s=np.array(motion[2:4])))
+        axes = np.array([float(each) for each in planted.apply(*own.motion)])
+        log.take_joints(JointReading(t_s=target.t_s, position_rad=axes, velocity_rad_s=np.array(own.motion[2:4])))
         log.take_error(PointingError(t_s=target.t_s, sensor="monopulse", cross_elevation_rad=0.0, elevation_rad=0.0,
                                      carrier_to_noise_db_hz=60.0, valid=True))  # fmt: skip
     points = log.observations()

@@ -18,10 +18,10 @@ from rf_pointing.calibration.terms import names_of
 from rf_pointing.commands import check_drive, check_station
 from rf_pointing.core import Kinematics, angular_distance_rad
 from rf_pointing.core.mount_types import LOWER_AXES, MOUNTS
+from rf_pointing.simulation import StationSetup
 from rf_pointing.station.derive.axes import kinematics_of
-from rf_pointing.station.derive.nodes import NODES
 from rf_pointing.station.description import STATIONS, StationError, read_station, station_from
-from rf_pointing.station.description.description import FLIES_OTHER_MOUNTS, StationDescription
+from rf_pointing.station.description.description import StationDescription
 
 AXIS = {"rate_deg_s": 3.0, "acceleration_deg_s2": 3.0}
 MOUNT_OF: dict[str, dict[str, Any]] = {
@@ -137,37 +137,13 @@ def test_a_bias_model_is_taken_on_its_own_mount_alone(tmp_path: Path, kind: str)
         station_from(tmp_path / "s.yaml", text)
 
 
-@pytest.mark.parametrize("node", sorted(set(NODES) - FLIES_OTHER_MOUNTS))
-def test_every_node_that_knows_azimuth_and_elevation_alone_refuses_by_name(
-    other: StationDescription, node: str
-) -> None:
-    kind = other.content.mount.type
-    with pytest.raises(ValueError, match=f"{node} knows mounts of type azimuth_elevation alone: .* is {kind}"):
-        other.require_mount(node)
-
-
-def test_whatever_would_move_or_fit_azimuth_and_elevation_refuses_it_by_name(
-    other: StationDescription, tmp_path: Path
-) -> None:
+def test_only_a_tilt_that_is_not_set_is_refused(other: StationDescription, tmp_path: Path) -> None:
     station, target = Station(other), elements("CBERS 2")
     (tmp_path / "s.yaml").write_text(description(other.content.mount.type, MOUNT_OF[other.content.mount.type]))
-    requests, scan, service, network, tuning = (
-        importlib.import_module(f"rf_pointing.api.{name}")
-        for name in ("requests", "scan", "service", "network", "tuning")
-    )
-    for user, attempt in {
-        "designate": lambda: requests.DesignateRequest(station=station),
-        "identify_antenna": lambda: requests.IdentifyRequest(station=station),
-        "scan": lambda: scan.ScanRequest(station=station, target=target),
-        "a service": lambda: service.make_service(station, target, 0.0),
-        "a network plan": lambda: network.plan_network([station, station], [target]),
-        "tune": lambda: tuning.tune(station),
-    }.items():
-        with pytest.raises(ValueError, match=f"^{user} knows mounts of type azimuth_elevation alone"):
-            attempt()
     # A drive is checked axis by axis, and every mount has two.
     ends = check_drive.flown_rad(str(tmp_path / "s.yaml"))
     np.testing.assert_allclose(np.degrees(ends).T, [axis.travel_deg for axis in other.content.mount.pair])
+    requests = importlib.import_module("rf_pointing.api.requests")
     request = requests.TrackRequest(station=station, target=target)
     if other.content.mount.tilt_deg is None:
         assert request.station is station
@@ -180,10 +156,10 @@ def test_whatever_would_move_or_fit_azimuth_and_elevation_refuses_it_by_name(
     other.write(tmp_path / "run.yaml", request.changes)
     flown = read_station(tmp_path / "run.yaml")
     assert flown.values()["kinematics.train_deg"].value == pytest.approx(chosen)
-    for user in FLIES_OTHER_MOUNTS:
-        flown.require_mount(user)
-        with pytest.raises(ValueError, match=f"^mount.train_deg of Mine is missing: {user} must know"):
-            other.require_mount(user)
+    with pytest.raises(ValueError, match="^mount.train_deg of Mine is missing: simulate must know to which azimuth"):
+        StationSetup(other)
+    # A model is that of the mount wherever it leans: one campaign, one place.
+    assert requests.CalibrateRequest(station=station).changes == {"mount.train_deg": 0.0}
 
 
 def test_passes_of_any_mount_are_certified_in_the_angles_of_its_axes(
