@@ -409,15 +409,6 @@ def _no_turn(window: CataloguePass, limits: AxisLimits) -> str:
     return f"azimuth {low:.1f} to {high:.1f} deg fits no turn within the travel {travel}"
 
 
-<<<<<<< HEAD
-=======
-def _on_every_turn(rules: PlanningRules, azimuth_rad: float, elevation_rad: float) -> list[Pair]:
-    """Return the positions of the axes for one direction, on every turn of the travel."""
-    path = azimuth_rad, azimuth_rad, azimuth_rad, azimuth_rad
-    return [start for start, _ in turns_within(rules.limits, path, (elevation_rad, elevation_rad), rules.mount)]
-
-
->>>>>>> h2
 class _Certificates:
     """Certificates of passes in a row; those whose slew did not change are issued once."""
 
@@ -503,13 +494,9 @@ def turns_of(
     """Return where the axes begin and end a pass on each turn of the travel."""
     # A pass that fits no turn waits at a stop or unwinds: it ends on any turn, as its certificate.
     ends = ((path[0], elevations[0]), (path[3], elevations[1]))
-<<<<<<< HEAD
-    rises, sets = ([start for start, _ in turns_within(limits, (az,) * 4, (el, el))] for az, el in ends)
-    return turns_within(limits, path, elevations) or tuple(itertools.product(rises, sets))
-=======
-    rises, sets = (_on_every_turn(rules, *place) for place in ends)
-    return turns_within(rules.limits, path, elevations, rules.mount) or tuple(itertools.product(rises, sets))
->>>>>>> h2
+    limits, mount = rules.limits, rules.mount
+    rises, sets = ([start for start, _ in turns_within(limits, (az,) * 4, (el, el), mount)] for az, el in ends)
+    return turns_within(limits, path, elevations, mount) or tuple(itertools.product(rises, sets))
 
 
 def _turns(window: CataloguePass, rules: PlanningRules) -> tuple[tuple[Pair, Pair], ...]:
