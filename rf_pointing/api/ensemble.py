@@ -244,10 +244,13 @@ class _Rows:
 def _begin_worker() -> None:
     # The terminal sends Ctrl-C to all processes: the first one says what is kept.
     signal.signal(signal.SIGINT, signal.SIG_DFL)
-    first = parent_process()
-    assert first is not None
-    # Killed, it would leave its workers computing.
-    Thread(target=lambda: (first.join(), os._exit(1)), daemon=True).start()
+    # Killed, the first one would leave its workers computing.
+    Thread(target=_end_with, args=(parent_process(),), daemon=True).start()
+
+
+def _end_with(first: Any) -> None:
+    first.join()
+    os._exit(1)
 
 
 def _flown(fly_one: Callable[[Trial], Row], trials: Sequence[Trial], workers: int) -> Iterator[Row]:

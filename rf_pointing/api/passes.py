@@ -187,7 +187,7 @@ class Look:
         look = track.target_at(t_s)
         # The correction is one of axis angles, the lower axis under the name of azimuth.
         axes = (model.mount or LEVEL).of_axes(look)
-        rows = np.degrees([*look.motion[:4], *model.offset_rad(*axes.motion)]).tolist()
+        rows = np.degrees(np.array([*look.motion[:4], *model.offset_rad(*axes.motion)], dtype=np.float64)).tolist()
         azimuth, elevation, azimuth_rate, elevation_rate, azimuth_correction, elevation_correction = rows
         return cls(
             t_s=t_s, utc=utc_text(t_s), azimuth_deg=azimuth, elevation_deg=elevation, azimuth_rate_deg_s=azimuth_rate,
