@@ -27,6 +27,7 @@ QUICK = {
     "calibration": "--runs 20",
     "calibration_faults": "--campaigns 0 --orbits 150 --passes 6 --only clock",
     "calibration_trials": "--trials 4 --campaigns 1 --rates 1 --noise white --orbits 150",
+    "elements_file": "--objects 4000",
     "ephemeris": "--objects 200 --against 20",
     "geo_service": "--days 2 --stations rotator_2m --inclinations 1",
     "ka_model": "model.yaml",
