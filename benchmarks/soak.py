@@ -9,8 +9,7 @@ again after 0.5 s, as a launch file does.  --busy processes compute meanwhile.
 
 A second of a pass is lost while the axes are more than half the beamwidth from the satellite, or
 have not been received for 1 s.  A fault, which for a killed node lasts until it is active again, may
-cost itself and 10 s more, one of the device its way back at 6 deg/s too; one between two passes as
-much at the begin of the next, to which the axes are on their way for 30 of 39 s.  Every other
+cost itself and 10 s more, one of the device its way back at 6 deg/s too.  Every other
 lost second, a node that ends by itself, an outage of the device which nobody has reported within
 the 10 min in which an alarm is not repeated, and more than six messages about one fault fail the
 soak (exit 1).
@@ -243,14 +242,8 @@ class Soak:
                 lost.append(off_rad > self.half_rad or t_s - t_axes > SILENT_S)
         at, bad = np.array(sampled), np.array(lost)
         excused = np.zeros(len(at), dtype=bool)
-        begins = [item.aos_t_s - self.station.begun_s for item in self.passes]
-        lengths = [item.los_t_s - item.aos_t_s for item in self.passes]
         for fault, after_s in zip(self.faults, [*(f.begin_s for f in self.faults[1:]), math.inf], strict=True):
             excused |= (at >= fault.begin_s) & (at <= fault.until_s)
-            if not any(begin_s <= fault.begin_s <= begin_s + s for begin_s, s in zip(begins, lengths, strict=True)):
-                # What a slew to a pass has lost is seen at its begin.
-                shown_s = min((begin_s for begin_s in begins if begin_s > fault.begin_s), default=math.inf)
-                excused |= (at >= shown_s) & (at <= shown_s + fault.until_s - fault.begin_s)
             mine = (at >= fault.begin_s) & (at < after_s) & bad
             fault.lost_s = SAMPLE_S * int(np.count_nonzero(mine))
             fault.recovered_s = max(0.0, float(at[mine][-1]) - fault.end_s) if mine.any() else 0.0
