@@ -51,16 +51,14 @@ def test_its_processes_end_with_the_first_one_however_that_ends(tmp_path: Path) 
     arguments = ["--station", "leo_3m7", "--days", "1", "--workers", "2", "--output", str(tmp_path / "o.jsonl")]
     first = subprocess.Popen([sys.executable, "-m", "rf_pointing", "simulate", *arguments])
     children = Path(f"/proc/{first.pid}/task/{first.pid}/children")
-    workers = list[str]()
 
     def flying(of: list[str]) -> list[str]:
         paths = [Path(f"/proc/{each}/cmdline") for each in of]
         return [each.parent.name for each in paths if each.exists() and "spawn_main" in each.read_text()]
 
     deadline_s = time.monotonic() + 120.0
-    while time.monotonic() < deadline_s and len(workers) < 2:
+    while len(workers := flying(children.read_text().split())) < 2 and time.monotonic() < deadline_s:
         time.sleep(0.1)
-        workers = flying(children.read_text().split())
     first.kill()
     first.wait()
     assert len(workers) == 2

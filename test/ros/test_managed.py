@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from rclpy.node import Node
@@ -110,7 +111,8 @@ def test_lost_messages_of_a_numbered_stream_are_counted_and_those_of_bytes_are_n
 
 def test_a_steady_input_that_falls_silent_makes_the_node_deaf_whatever_its_messages(bench: Any) -> None:
     bench.publishers = {"/diagnostics": ["/other"], "error": ["/other"]}
-    active = b"/other\0" + b": state\0\0\0\x07\x00\x00\x00active\x00"
+    status = DiagnosticStatus(name="other: state", message="active", hardware_id="/other")
+    active = serialize_message(DiagnosticArray(status=[status]))
 
     def wait(seconds: int, sent: bytes | None) -> str:
         for _ in range(seconds):
