@@ -22,6 +22,7 @@ from rf_pointing.operations.schedule import ScheduledPass
 TOKEN = "0123456789abcdef0123456789abcdef01234567"
 SATELLITE = verification_elements()[0]
 NOW_S = float(int(time.time()))
+"""The time of the collection: what is to come is hours away, however long the suite takes."""
 
 
 def job(number: int, begin_s: float, seconds: float = 600.0) -> dict[str, Any]:
@@ -88,13 +89,13 @@ def run(*argv: object) -> int:
 def test_jobs_are_kept_and_queued_and_their_results_go_back_once(
     server: SimpleNamespace, secret: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    server.answer = json.dumps([job(11, 900.0), job(12, 9000.0), job(10, -9000.0)])
+    server.answer = json.dumps([job(11, 9000.0), job(12, 18000.0), job(10, -9000.0)])
     own = ("--cache", tmp_path / "kept", "--token-file", secret)
     files = ("--csv", tmp_path / "n.csv", "--ics", tmp_path / "n.ics", "--ccsds", tmp_path / "n.xml")
     assert run(server.jobs, *own, *files) == 0
     assert server.taken[0][2]["Authorization"] == f"Token {TOKEN}"
     assert ": new\n  3 passes" in capsys.readouterr().out
-    wanted = [("satnogs-11", NOW_S + 900.0), ("satnogs-12", NOW_S + 9000.0)]
+    wanted = [("satnogs-11", NOW_S + 9000.0), ("satnogs-12", NOW_S + 18000.0)]
     for path in files[1::2]:
         found = read_passes(Path(str(path)).read_text())
         assert [(each.id, each.aos_t_s) for each in found] == wanted
@@ -123,7 +124,8 @@ def test_jobs_are_kept_and_queued_and_their_results_go_back_once(
 def test_a_caldav_collection_gives_the_events_of_its_time(
     server: SimpleNamespace, secret: Path, tmp_path: Path
 ) -> None:
-    passes = [ScheduledPass(target=name, name=name, aos_t_s=NOW_S + 60.0, los_t_s=NOW_S + 600.0) for name in ("A", "B")]
+    begin_s = NOW_S + 9000.0
+    passes = [ScheduledPass(target=name, name=name, aos_t_s=begin_s, los_t_s=begin_s + 600.0) for name in ("A", "B")]
     server.status, server.answer = 207, caldav(*(to_calendar([each], "Here", NOW_S) for each in passes))
     secret.write_text("operator:a password")
     address = server.jobs.partition("/api")[0] + "/cal/antenna/"
@@ -165,7 +167,7 @@ def test_what_cannot_be_requested_is_refused(
 def test_an_answer_without_a_schedule_leaves_the_kept_one(
     answer: str, server: SimpleNamespace, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    server.answer = json.dumps([job(11, 900.0)])
+    server.answer = json.dumps([job(11, 9000.0)])
     given = (server.jobs, "--cache", tmp_path, "--every", 0)
     assert run(*given) == 0
     server.answer = answer

@@ -27,12 +27,14 @@ from rf_pointing.operations.pass_list import to_json
 from rf_pointing.ros.graph import NODES, STATION_IN_USE
 from rf_pointing.ros.qos import IN_USE, LATCHED, STATUS, STREAM
 from rf_pointing.ros.stamps import seconds_from_stamp
+from test.conftest import within
 from test.faults.test_restarts import PACING, Stopwatch
 from test.simulation.night_plan import small_night
 
 from .conftest import executable, live_graph
 
-pytestmark = pytest.mark.graph
+# Minutes of simulated time go no faster than a busy machine lets them.
+pytestmark = [pytest.mark.graph, pytest.mark.timeout(600)]
 
 SPEED = 8.0
 EVERY = (*NODES, "station_executive")
@@ -134,7 +136,6 @@ def night(tmp_path_factory: pytest.TempPathFactory, ros_domain: int) -> Any:
         live.spin_until(lambda: watch.look() >= 0.0 and one.statuses > 0, "the executive")
         one.back_s, one.after = watch.net_s, one.status
         one.commander_modes = one.tracking.mode
-        # Minutes of simulated time, which goes on no faster than a busy machine lets it.
         deadline_s = time.monotonic() + 240.0
         while one.status.state != "idle" and time.monotonic() < deadline_s:
             live.executor.spin_once(timeout_sec=0.1)
@@ -171,7 +172,7 @@ def test_commands_of_the_client_have_the_exit_codes_that_scripts_need(night: Liv
 
 def test_both_passes_are_tracked_although_the_executive_was_killed(night: LiveNight) -> None:
     assert night.states() == {"90001": "tracked", "90002": "tracked"}, [each.reason for each in night.schedule.passes]
-    assert night.wall_s < 90.0 or os.getloadavg()[0] > 3.0, f"{night.wall_s:.0f} s"
+    assert within(night.wall_s, 90.0), f"{night.wall_s:.0f} s"
 
 
 def test_killed_executive_is_back_within_3_s_where_it_was(night: LiveNight) -> None:
