@@ -51,8 +51,7 @@ WITHOUT_STATION = ("simulation_clock", OPERATOR_PAGE)
 ON_A_DRIVE: dict[str, Any] = {"drive.type": "simulated_rotator", "wind.anemometer": True}
 WITH_A_RADIO: dict[str, Any] = {"radio.transponders.any.downlink_mhz": 2250.0}
 STATIONS: tuple[tuple[str, dict[str, Any]], ...] = (
-    ("dss13", WITH_A_RADIO), ("dss13", WITH_A_RADIO | ON_A_DRIVE), ("rotator_2m", WITH_A_RADIO),
-    ("leo_3m7", {"receiver.type": "rtl_tcp"}),
+    ("dss13", WITH_A_RADIO), ("leo_3m7", ON_A_DRIVE | {"receiver.type": "rtl_tcp"}),
 )  # fmt: skip
 DRIVE_TOPICS = (
     ("publish", "drive/set_point"),

@@ -118,8 +118,14 @@ def refusal(station: str, node: str) -> str:
     return ""
 
 
+SHIPPED = shipped_stations()
 CASES = [
-    *((kind, station) for kind in KINDS if issubclass(kind, StationNode) for station in shipped_stations()),
+    # Each kind of node on two stations, each station with several kinds.
+    *(
+        (kind, SHIPPED[(number + apart) % len(SHIPPED)])
+        for number, kind in enumerate(kind for kind in KINDS if issubclass(kind, StationNode))
+        for apart in (0, 3)
+    ),
     *((kind, "") for kind in KINDS if not issubclass(kind, StationNode)),
 ]
 
