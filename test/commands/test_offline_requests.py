@@ -89,10 +89,8 @@ def test_a_campaign_lasts_up_to_four_weeks(tmp_path: Path, hours: str, works: bo
 @pytest.mark.parametrize(
     ("line", "reader", "shown"),
     [
-        ("plan_passes --all --start 2006-06-28T06:00:00", "head -n 1", "satellite"),
-        ("plan_passes --start 2006-06-28T06:00:00", "true", ""),
+        ("plan_passes --start 2006-06-28T06:00:00 --hours 3 --satellites 28057", "head -n 1", "satellite"),
         ("check_station leo_3m7", "true", ""),
-        ("link_budget --station leo_3m7 --band S", "true", ""),
     ],
 )
 def test_a_reader_that_has_seen_enough_is_no_error(line: str, reader: str, shown: str) -> None:
