@@ -130,15 +130,18 @@ class LagHistory:
         # Numbers and no objects: plans of a day run through here some million times.
         for t, (x_rate, y_rate) in zip(times, rates, strict=True):
             since_s, last_s = t - last_s, t
+            if since_s == 0.0:
+                # A rate may change in no time, its average not, to the last bit.
+                x, y = x_rate, y_rate
+                found.append((x_mean, y_mean, x_slope, y_slope))
+                continue
             # Plans are evenly spaced, but for the rounding of their times.
             if abs(since_s - dt_s) > 1e-9:
                 if since_s not in steps:
                     steps[since_s] = self._step(since_s)
                 dt_s, mm, ms, sm, ss = steps[since_s]
-            x_ramp, y_ramp = (
-                ((x_rate - x) / dt_s, (y_rate - y) / dt_s) if dt_s > 0.0 else (0.0, 0.0)
-            )
-            # Off the ramp at its beginning, counted from its end: a rate may change in no time.
+            x_ramp, y_ramp = (x_rate - x) / dt_s, (y_rate - y) / dt_s
+            # Off the ramp at its beginning, counted from its end.
             m, s = x_mean - x_rate + (time_s + dt_s) * x_ramp, x_slope - x_ramp
             n, r = y_mean - y_rate + (time_s + dt_s) * y_ramp, y_slope - y_ramp
             x, x_mean, x_slope = (

@@ -270,7 +270,8 @@ class Prediction:
     def _compute(self, times: Array, targets: TargetBuffer, model: BiasModel, near_azimuth_rad: float) -> None:
         ahead = min(targets.known_until_s - float(times[-1]), LONGEST_BLOCK_S)
         beyond = float(times[-1]) + self._period_s * np.arange(1, max(0, int(ahead / self._period_s)) + 1)
-        block = np.concatenate([times, beyond])
+        # The same instant is the same number in every block: where one ends must not matter.
+        block = np.concatenate([times, np.round(beyond, 6)])
         course, sky, last_s = self._plan.course, targets.at(block), float(block[-1])
         history = self._lags(model)
         if history is not None:

@@ -215,6 +215,25 @@ def test_lags_are_those_of_a_mount_that_makes_the_same_motion_from_rest(
     np.testing.assert_allclose(np.diff(motion.position, axis=0), steps_rad, atol=5e-8)
 
 
+def test_how_far_ahead_the_target_is_known_changes_no_bit(
+    track: TopocentricTrack, window: Pass, model: BiasModel
+) -> None:
+    """Which message arrives first depends on the processes of the graph: blocks end there."""
+    start_s, near_rad, flown = round(window.tca_t_s, 1), math.pi, list[list[Motion]]()
+    for lead_s in (0.9, 1.0, 1.3):
+        path, found = Prediction(PERIOD_S, StandingPlan(), lag_averaging_s=0.5), list[Motion]()
+        buffer, end_s = targets_at(track, start_s, 0.8), start_s + 0.8
+        for step in range(40):
+            times = np.round(start_s + PERIOD_S * (step + np.arange(9)), 6)
+            while end_s < times[-1] + lead_s - 0.8:
+                end_s = round(end_s + PERIOD_S, 6)
+                buffer.add(track.target_at(end_s))
+            found.append(path.at(times, buffer, model, near_rad))
+        flown.append(found)
+    for others in flown[1:]:
+        np.testing.assert_array_equal(others, flown[0])
+
+
 def test_a_new_model_in_the_middle_of_a_pass_does_not_start_the_lags_again(
     track: TopocentricTrack, window: Pass, model: BiasModel
 ) -> None:
