@@ -26,7 +26,7 @@ def flown(simulation: Any, folder: Path, *faults: Any, bands: Sequence[str] = ("
     return night
 
 
-@pytest.mark.parametrize("name", ["xy_7m3", "polar_3m", "tilt_5m"])
+@pytest.mark.parametrize("name", ["xy_7m3", "tilt_5m"])
 def test_every_pass_is_tracked_without_an_operator_and_the_antenna_is_stowed(
     simulation: Any, tmp_path: Path, name: str
 ) -> None:

@@ -28,7 +28,7 @@ def script() -> Any:
 @pytest.mark.parametrize("name", ["S,conscan,40", "S,steptrack,40", "Ka,monopulse,40", "X,monopulse,88"])
 def test_the_flown_loss_is_the_predicted_one(script: Any, name: str) -> None:
     """Above 20 deg the acquisition is a larger share than of the whole pass, which the zenith needs: it costs 103 s."""
-    setup, window, sensor, width_rad = script.case(name, 5.0 if name.endswith("88") else 20.0)
+    setup, window, sensor, width_rad = script.case(name, {"S": 30.0, "Ka": 20.0, "X": 5.0}[name.partition(",")[0]])
     log = simulate_pass(setup, window, math.floor(window.aos_t_s) - script.LEAD_S, sensor)
     inside = (np.array(log.t_s) >= window.aos_t_s) & (np.array(log.t_s) <= window.los_t_s)
     flown = PassOutcome.of(np.hypot(*log.errors_rad().T)[inside], width_rad, script.CLUSTER_S)
