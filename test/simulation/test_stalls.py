@@ -194,14 +194,8 @@ SPARE_S = 5.0
 """What a stall may cost beyond its own time."""
 
 
-@pytest.mark.parametrize(
-    ("part", "stall"),
-    [
-        *((part, stall) for part in ("ephemeris_publisher", "pointing_controller", "rf_receiver")
-          for stall in (1.0, 2.0, 5.0, 10.0)),
-        *(("antenna_servo", stall) for stall in (1.0, 2.0, 5.0, 10.0)),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize("stall", [2.0, 10.0])
+@pytest.mark.parametrize("part", ["ephemeris_publisher", "pointing_controller", "rf_receiver", "antenna_servo"])
 def test_a_stall_costs_at_most_itself_and_five_seconds(window: Pass, part: str, stall: float) -> None:
     made = flown(window, (part,), stall)
     lost_s = made.lost_s(BEFORE_S)
@@ -220,7 +214,7 @@ def test_an_ephemeris_that_is_silent_for_long_costs_nothing_with_the_profile_of_
     assert len(warned) > 250
 
 
-@pytest.mark.parametrize("stall", [2.0, 5.0, 10.0])
+@pytest.mark.parametrize("stall", [2.0, 10.0])
 def test_a_controller_that_was_killed_tracks_the_rest_of_the_pass(window: Pass, stall: float) -> None:
     """Its goal is sent again by whoever sent it; most of the pass above 40 deg is gone then."""
 
@@ -236,7 +230,7 @@ def test_a_controller_that_was_killed_tracks_the_rest_of_the_pass(window: Pass, 
     assert made.statuses[-1].mode == "monopulse"
 
 
-@pytest.mark.parametrize("stall", [2.0, 5.0, 10.0])
+@pytest.mark.parametrize("stall", [2.0, 10.0])
 def test_an_antenna_that_starts_again_is_followed_again(window: Pass, stall: float) -> None:
     """It comes back where it stood, holding, with whatever command is sent then.
 
