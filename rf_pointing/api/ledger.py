@@ -38,7 +38,7 @@ from rf_pointing.simulation.recorded_gusts import calm
 from rf_pointing.station.antenna.simulated_antenna import AntennaParams
 from rf_pointing.station.description import StationDescription
 
-WAITING_S = 20.0
+WAITING_S = 10.0
 """Time before the pass in which the antenna of a budget waits where it begins."""
 LEVEL = "link.zenith_carrier_to_noise_db_hz"
 LOUDER_DB = 30.0
