@@ -26,7 +26,7 @@ from rf_pointing.core import AXES, MDEG, sky_offset_rad
 from rf_pointing.drives import takes_positions
 from rf_pointing.report.error_ledger import EPHEMERIS, MODEL, NOISE, REFRACTION, SCAN, SEARCH, STEPS, WIND, Ledger
 from rf_pointing.report.replay_report import TRUE, Flown, settled_s
-from rf_pointing.simulation import StationSetup
+from rf_pointing.simulation import StationSetup, merged
 from test.api.headless_bag import HeadlessBag
 
 Changes = dict[str, dict[str, Any]]
@@ -76,15 +76,6 @@ def causes(name: str, setup: StationSetup) -> dict[str, tuple[Changes, Changes]]
         WIND: ({"antenna_servo": {wind: WIND_M_S}}, {"antenna_servo": {wind: 0.0}}),
         STEPS: ({"antenna_servo": coarse}, {"antenna_servo": fine}),
     }  # fmt: skip
-
-
-def merged(*changes: Changes) -> Changes:
-    """Return changes, the last ones over the first ones."""
-    found: Changes = {}
-    for each in changes:
-        for node, values in each.items():
-            found[node] = {**found.get(node, {}), **values}
-    return found
 
 
 class Case:

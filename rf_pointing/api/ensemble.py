@@ -29,7 +29,7 @@ from rf_pointing.api.station import Station
 from rf_pointing.api.target import Target
 from rf_pointing.core import DAY_S, MDEG, PassOutcome, require_between, utc_text
 from rf_pointing.ephemeris import Elements, ElementUncertainty, Pass, TopocentricTrack, find_passes
-from rf_pointing.simulation import StationSetup, simulate_pass
+from rf_pointing.simulation import StationSetup, merged, simulate_pass
 from rf_pointing.simulation.draws import Draw
 
 MOST_DAYS, MOST_TRIALS = 3650.0, 100_000
@@ -298,10 +298,7 @@ def fly(
     known = {f"uncertainty.{name}": 0.0 for name in GROWTHS}
     known |= {f"uncertainty.{name}": size_m for name, size_m in sizes}
     old = {"source.max_age_days": MOST_DAYS}
-    over: dict[str, dict[str, object]] = {"ephemeris_publisher": {**known, **old}, "rf_receiver": dict(old)}
-    for values in (one.draw.changes, changes):
-        for node, each in values.items():
-            over[node] = over.get(node, {}) | dict(each)
+    over = merged({"ephemeris_publisher": {**known, **old}, "rf_receiver": old}, one.draw.changes, changes)
     starts = [0]
 
     def take(topic: str, signal: Any) -> None:

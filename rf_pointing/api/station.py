@@ -21,7 +21,7 @@ from rf_pointing.core import DAY_S, SCANNED, Sensor, require_choice
 from rf_pointing.ephemeris import Elements, Pass, TopocentricTrack, find_passes
 from rf_pointing.ephemeris.passes import part_searched
 from rf_pointing.planning import AxisLimits
-from rf_pointing.simulation import StationSetup, simulate_pass
+from rf_pointing.simulation import StationSetup, merged, simulate_pass
 from rf_pointing.station.campaign.calibrator import CalibratorParams
 from rf_pointing.station.clients.scan_samples import ScanSamples
 from rf_pointing.station.derive.axes import feed_model
@@ -391,11 +391,8 @@ class Station:
             "ephemeris_publisher": source, "rf_receiver": {**source, "signal.seed": seed},
             "antenna_servo": {"antenna.seed": seed},
         }  # fmt: skip
-        for node, values in (changes or {}).items():
-            own[node] = own.get(node, {}) | dict(values)
-        chosen = model or self.model
-        description = self.leaning(one.target, one.window)
-        return StationSetup(description, self.band, changes=own, model=chosen, **more)
+        chosen, description = model or self.model, self.leaning(one.target, one.window)
+        return StationSetup(description, self.band, changes=merged(own, changes), model=chosen, **more)
 
     def begin_s(self, setup: StationSetup, window: Pass) -> float:
         """Return when the simulation of a pass begins: as early as the slew to it needs."""

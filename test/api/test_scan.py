@@ -67,7 +67,7 @@ def test_a_model_in_force_is_part_of_the_offset(station: rp.Station, of_sun: Sca
 
 
 def test_a_curve_in_celestial_axes_finds_the_same(station: rp.Station) -> None:
-    curve = {"pattern": "rosette", "frame": "right_ascension", "rate_deg_s": 0.6}
+    curve = {"pattern": "rosette", "frame": "right_ascension", "half_width_deg": 2.4}
     found = station.scan(rp.elements("Sun"), start=START, **(QUICK | curve))
     assert missed_rad(found, station) < PLAY_RAD
 
