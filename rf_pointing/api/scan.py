@@ -238,14 +238,9 @@ def simulated(
     request.require_dark(start_t_s, request.flux(start_t_s))
     one = request.window(start_t_s)
     flux_sfu = request.sun_flux_sfu or 0.0
-    own = {
-        "rf_receiver": {
-            "signal.receiver.noise_bandwidth_hz": bandwidth_hz,
-            "signal.sun_flux_sfu": flux_sfu,
-        }
-    }  # fmt: skip
+    radio = {"signal.receiver.noise_bandwidth_hz": bandwidth_hz, "signal.sun_flux_sfu": flux_sfu}
     allowed = SUN_ALLOWED if request.target.name == SUN else {}
-    over = merged(own, allowed, changes)
+    over = merged({"rf_receiver": radio}, allowed, changes)
     ended = station.simulate_scan(one, request.program(one.aos_t_s), taken, seed, over)
     if ended:
         raise ValueError(f"the scan is not complete: {ended}")

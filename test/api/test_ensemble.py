@@ -78,7 +78,6 @@ def test_the_command_prints_and_keeps_what_the_function_gives(
     said = capsys.readouterr().out
     assert "target within the half-power beam" in said
     flown = [row for row in map(json.loads, kept.read_text().splitlines()[1:]) if not row["refused"]]
-    assert flown
     assert all(row["held_s"] <= row["duration_s"] and math.isfinite(row["loss_db"]) for row in flown)
     assert max(row["starts"] for row in flown) > 0
     assert "starts of both motors of a rotator" in said

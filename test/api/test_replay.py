@@ -22,7 +22,7 @@ from rf_pointing.simulation.open_loop import RecordedTrack
 from rf_pointing.simulation.recorded_gusts import estimated_gusts
 from test.api.headless_bag import HeadlessBag
 
-WIND_M_S, SEED, SECONDS, LEAD_S = 12.0, 3, 50.0, 10.0
+WIND_M_S, SEED, SECONDS, LEAD_S = 12.0, 3, 75.0, 20.0
 GAINS = {"proportional_gain": 1.0, "integral_gain": 0.2}
 SOFT = {"antenna_servo": {f"loops.{axis}.{name}": gain for axis in AXES for name, gain in GAINS.items()}}
 """Gains with which gusts move the 34-m antenna more than with its own of 7.9 and 11.6."""
@@ -30,7 +30,7 @@ SOFT = {"antenna_servo": {f"loops.{axis}.{name}": gain for axis in AXES for name
 
 @pytest.fixture(scope="module")
 def window() -> Pass:
-    """The top of a pass, 50 s that the antenna can follow."""
+    """The top of a pass, 75 s that the antenna can follow."""
     station = rp.Station("dss13")
     one = station.passes(rp.elements("28057"), days=2.0, mask_deg=41.0, min_peak_deg=44.0)[0].window
     assert one.duration_s > SECONDS
