@@ -21,12 +21,12 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 import numpy as np
 
 import rf_pointing as rp
-from rf_pointing.api.ledger import REMEMBERED_S, PlannedCase
+from rf_pointing.api.ledger import REMEMBERED_S, WAITING_S, PlannedCase
 from rf_pointing.core import AXES, MDEG, sky_offset_rad
 from rf_pointing.drives import takes_positions
 from rf_pointing.report.error_ledger import EPHEMERIS, MODEL, NOISE, REFRACTION, SCAN, SEARCH, STEPS, WIND, Ledger
 from rf_pointing.report.replay_report import TRUE, Flown, settled_s
-from rf_pointing.simulation import StationSetup
+from rf_pointing.simulation import StationSetup, merged
 from test.api.headless_bag import HeadlessBag
 
 Changes = dict[str, dict[str, Any]]
@@ -76,15 +76,6 @@ def causes(name: str, setup: StationSetup) -> dict[str, tuple[Changes, Changes]]
         WIND: ({"antenna_servo": {wind: WIND_M_S}}, {"antenna_servo": {wind: 0.0}}),
         STEPS: ({"antenna_servo": coarse}, {"antenna_servo": fine}),
     }  # fmt: skip
-
-
-def merged(*changes: Changes) -> Changes:
-    """Return changes, the last ones over the first ones."""
-    found: Changes = {}
-    for each in changes:
-        for node, values in each.items():
-            found[node] = {**found.get(node, {}), **values}
-    return found
 
 
 class Case:
@@ -154,12 +145,15 @@ class Case:
         """Return the ledger of the simulated pass."""
         return rp.budget(self.one, sensor=self.sensor, late_s=0.0, changes=merged(self.start, planted))
 
+    def flown(self, planted: Changes) -> HeadlessBag:
+        """Return the pass as it is recorded."""
+        setup = self.station.setup(self.one, 1, merged(self.start, planted))
+        return HeadlessBag(setup, self.one.window, math.floor(self.one.aos_t_s) - WAITING_S, self.sensor)
+
     def blind(self, planted: Changes) -> Ledger:
         """Return the ledger of a recording that holds neither truth nor parameters."""
-        setup = self.station.setup(self.one, 1, merged(self.start, planted))
-        bag = HeadlessBag(setup, self.one.window, math.floor(self.one.aos_t_s) - 20.0, self.sensor)
         with tempfile.TemporaryDirectory() as folder:
-            written = bag.write(Path(folder) / "run", without=("sim/pointing_error",), run=False)
+            written = self.flown(planted).write(Path(folder) / "run", without=("sim/pointing_error",), run=False)
             return rp.ledger(written)
 
 

@@ -25,11 +25,11 @@ import numpy as np
 from rf_pointing.api.keywords import span_s, time_s
 from rf_pointing.api.passes import StationPass
 from rf_pointing.api.simulated import CLUSTER_S
-from rf_pointing.api.station import BEFORE_S, Station
+from rf_pointing.api.station import Station
 from rf_pointing.api.target import Target
 from rf_pointing.core import DAY_S, MDEG, PassOutcome, require_between, utc_text
 from rf_pointing.ephemeris import Elements, ElementUncertainty, Pass, TopocentricTrack, find_passes
-from rf_pointing.simulation import StationSetup, simulate_pass
+from rf_pointing.simulation import StationSetup, merged, simulate_pass
 from rf_pointing.simulation.draws import Draw
 
 MOST_DAYS, MOST_TRIALS = 3650.0, 100_000
@@ -298,10 +298,7 @@ def fly(
     known = {f"uncertainty.{name}": 0.0 for name in GROWTHS}
     known |= {f"uncertainty.{name}": size_m for name, size_m in sizes}
     old = {"source.max_age_days": MOST_DAYS}
-    over: dict[str, dict[str, object]] = {"ephemeris_publisher": {**known, **old}, "rf_receiver": dict(old)}
-    for values in (one.draw.changes, changes):
-        for node, each in values.items():
-            over[node] = over.get(node, {}) | dict(each)
+    over = merged({"ephemeris_publisher": {**known, **old}, "rf_receiver": old}, one.draw.changes, changes)
     starts = [0]
 
     def take(topic: str, signal: Any) -> None:
@@ -309,9 +306,9 @@ def fly(
             starts[0] = int(np.sum(signal.starts))
 
     own = StationPass.of_window(window, one.target, station, window.aos_t_s)
-    setup, start_s = station.setup(own, one.draw.seed, over), math.floor(window.aos_t_s) - BEFORE_S
+    setup = station.setup(own, one.draw.seed, over)
     try:
-        log = simulate_pass(setup, window, start_s, sensor, on_signal=take)
+        log = simulate_pass(setup, window, station.begin_s(setup, window), sensor, on_signal=take)
     except ValueError as error:
         # No branch works: the certificate says why.
         return row | {"refused": str(error)}

@@ -32,13 +32,13 @@ from rf_pointing.report.recorded_signals import read_pass
 from rf_pointing.report.replay_case import RecordedCase
 from rf_pointing.report.replay_report import SENSED, TRUE, Flown, settled_s
 from rf_pointing.servo import RecordedWind, WindParams
-from rf_pointing.simulation import StationSetup, simulate_pass
+from rf_pointing.simulation import StationSetup, merged, simulate_pass
 from rf_pointing.simulation.open_loop import RecordedTrack, Signals
 from rf_pointing.simulation.recorded_gusts import calm
 from rf_pointing.station.antenna.simulated_antenna import AntennaParams
 from rf_pointing.station.description import StationDescription
 
-WAITING_S = 20.0
+WAITING_S = 10.0
 """Time before the pass in which the antenna of a budget waits where it begins."""
 LEVEL = "link.zenith_carrier_to_noise_db_hz"
 LOUDER_DB = 30.0
@@ -84,10 +84,7 @@ class PlannedCase:
         model: BiasModel | None = None, **more: Any,
     ) -> StationSetup:  # fmt: skip
         """Return the station of the pass, with changes."""
-        merged = {node: dict(values) for node, values in self.changes.items()}
-        for node, values in (over or {}).items():
-            merged[node] = merged.get(node, {}) | dict(values)
-        return self.station.setup(self.one, self.seed, merged, model=model, **more)
+        return self.station.setup(self.one, self.seed, merged(self.changes, over), model=model, **more)
 
     def fly(self, setup: StationSetup) -> tuple[Signals, float]:
         """Return the signals of the pass, and 0."""
@@ -378,7 +375,7 @@ def budget(
     >>> print(rp.budget(station.passes(rp.elements("CBERS 2"))[0], wind_m_s=12.0))
     """
     station = one.station
-    own = {node: dict(values) for node, values in (changes or {}).items()}
+    own = merged(changes)
     branch = station.certificate(one).chosen
     if branch is None:
         raise ValueError(f"{one.name}: {station.certificate(one).reason}")

@@ -21,6 +21,7 @@ from rf_pointing.radiometry.scan_fit import ScanFitParams, fit_scan
 from rf_pointing.radiometry.sources import SUN, Flux
 from rf_pointing.radiometry.y_factor import figures, side_lobe_noise_k, source_noise_k
 from rf_pointing.rf.noise import atmosphere_loss_db, system_noise_k
+from rf_pointing.simulation import merged
 from rf_pointing.station.clients.scan_samples import ScanSamples
 from rf_pointing.station.radio.scan_numbers import ScanNumbers
 from rf_pointing.station.radio.sky_flux import flux_at, has_flux
@@ -237,16 +238,10 @@ def simulated(
     request.require_dark(start_t_s, request.flux(start_t_s))
     one = request.window(start_t_s)
     flux_sfu = request.sun_flux_sfu or 0.0
-    own: dict[str, dict[str, object]] = {
-        "rf_receiver": {
-            "signal.receiver.noise_bandwidth_hz": bandwidth_hz,
-            "signal.sun_flux_sfu": flux_sfu,
-        }
-    }  # fmt: skip
+    radio = {"signal.receiver.noise_bandwidth_hz": bandwidth_hz, "signal.sun_flux_sfu": flux_sfu}
     allowed = SUN_ALLOWED if request.target.name == SUN else {}
-    for node, values in [*allowed.items(), *(changes or {}).items()]:
-        own[node] = own.get(node, {}) | dict(values)
-    ended = station.simulate_scan(one, request.program(one.aos_t_s), taken, seed, own)
+    over = merged({"rf_receiver": radio}, allowed, changes)
+    ended = station.simulate_scan(one, request.program(one.aos_t_s), taken, seed, over)
     if ended:
         raise ValueError(f"the scan is not complete: {ended}")
     return request.result(taken)

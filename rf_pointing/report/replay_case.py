@@ -16,7 +16,7 @@ from rf_pointing.ephemeris import TopocentricTrack
 from rf_pointing.report.recorded_signals import RecordedPass
 from rf_pointing.report.replay_report import SENSED, Flown
 from rf_pointing.servo import RecordedWind, WindParams
-from rf_pointing.simulation import StationSetup, simulate_pass
+from rf_pointing.simulation import StationSetup, merged, simulate_pass
 from rf_pointing.simulation.open_loop import RecordedTrack, Signals
 from rf_pointing.simulation.recorded_gusts import calm, estimated_gusts, missed_gusts_m_s
 from rf_pointing.station.antenna.mount import MountParams
@@ -133,14 +133,10 @@ class RecordedCase:
         wind: Callable[[WindParams], RecordedWind] | None = None,
     ) -> StationSetup:  # fmt: skip
         """Return the station of the recording, with changes, another satellite or wind."""
-        nodes = self._given.keys() | (over or {}).keys()
-        merged = {node: dict(self._given.get(node, {})) for node in nodes}
-        for node, values in (over or {}).items():
-            merged[node] |= values
         # That of the recording: the one in the station's folder may be newer.
         chosen = model or self.recorded.model
         return StationSetup(
-            self.description, self.band, changes=merged, model=chosen, wind=wind or self._wind,
+            self.description, self.band, changes=merged(self._given, over), model=chosen, wind=wind or self._wind,
             truth=truth or self._truth,
         )  # fmt: skip
 

@@ -216,6 +216,15 @@ class StationSetup:
         return PowerTracker(PowerTrackerParams(**self.sets(NODE)))
 
 
+def merged(*changes: Mapping[str, Mapping[str, object]] | None) -> dict[str, dict[str, object]]:
+    """Return changes by node and dotted name, the last ones over the first ones."""
+    found: dict[str, dict[str, object]] = {}
+    for each in changes:
+        for node, values in (each or {}).items():
+            found[node] = found.get(node, {}) | dict(values)
+    return found
+
+
 def simulate_pass(
     setup: StationSetup,
     window: Pass,

@@ -1,6 +1,7 @@
 """Every pass of some days is flown as the whole station flies it, whoever flies it and in whatever order."""
 
 import dataclasses
+import json
 import math
 import subprocess
 import sys
@@ -39,7 +40,7 @@ def test_results_depend_neither_on_workers_nor_on_an_interruption(
     assert seen[-1] == whole.planned == len(whole.rows) > 2
     lines = (tmp_path / "a.jsonl").read_text().splitlines()
     # Cut off in the middle of a line, as by a process that was killed.
-    (tmp_path / "b.jsonl").write_text("\n".join([*lines[:2], lines[2][:40]]))
+    (tmp_path / "b.jsonl").write_text("\n".join([*lines[:3], lines[3][:40]]))
     again = rp.ensemble(station, targets, days=0.3, trials=2, workers=1, output=tmp_path / "b.jsonl")
     assert again.rows == whole.rows
     assert 0.0 < whole.summary["availability"] <= 1.0
@@ -70,11 +71,16 @@ def test_its_processes_end_with_the_first_one_however_that_ends(tmp_path: Path) 
 def test_the_command_prints_and_keeps_what_the_function_gives(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    """The rows of a rotator, whose motors start and stop, are those of its simulation."""
     short(monkeypatch)
-    simulate.main(["--station", "leo_3m7", "--days", "0.3", "--workers", "1", "--output", str(tmp_path / "o.jsonl")])
+    kept, words = tmp_path / "o.jsonl", ["--station", "rotator_2m", "--sensor", "program", "--days", "0.5"]
+    simulate.main([*words, "--workers", "1", "--output", str(kept)])
     said = capsys.readouterr().out
     assert "target within the half-power beam" in said
-    assert len((tmp_path / "o.jsonl").read_text().splitlines()) > 1
+    flown = [row for row in map(json.loads, kept.read_text().splitlines()[1:]) if not row["refused"]]
+    assert all(row["held_s"] <= row["duration_s"] and math.isfinite(row["loss_db"]) for row in flown)
+    assert max(row["starts"] for row in flown) > 0
+    assert "starts of both motors of a rotator" in said
 
 
 def test_draws_have_the_wind_and_the_errors_of_the_law() -> None:
@@ -102,15 +108,3 @@ def test_what_an_ensemble_does_not_fly_is_refused_by_name() -> None:
         rp.ensemble(station, [])
     with pytest.raises(ValueError, match="no pass of"):
         rp.ensemble(station, [target], days=1.0, min_peak_deg=89.9)
-
-
-def test_a_rotator_counts_its_starts_and_a_row_is_that_of_the_simulation(monkeypatch: pytest.MonkeyPatch) -> None:
-    targets = short(monkeypatch)
-    station = rp.Station("rotator_2m")
-    found = rp.ensemble(station, targets, days=0.5, workers=1, sensor="program")
-    flown = [row for row in found.rows if not row["refused"]]
-    assert flown
-    assert all(row["held_s"] <= row["duration_s"] for row in flown)
-    assert max(row["starts"] for row in flown) > 0
-    assert found.summary["motor_starts"] > 0.0
-    assert math.isfinite(found.summary["loss_90_db"])
