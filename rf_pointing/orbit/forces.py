@@ -83,9 +83,7 @@ class Disturbances(Params):
         row = _AIR[max(int(np.searchsorted(_AIR[:, 0], height_m, side="right")) - 1, 0)]
         return dict(zip(("air_height_m", "air_density_kg_m3", "air_scale_m"), row, strict=True))
 
-    def acceleration(
-        self, t_s: ArrayLike, states: Array, scales: Array | None = None
-    ) -> Array:
+    def acceleration(self, t_s: ArrayLike, states: Array, scales: Array | None = None) -> Array:
         """Return the acceleration (..., m, 3) of states (..., m, 6) at times (...), m/s^2.
 
         `scales` (m, 3) are the factors as in `NOMINAL_SCALES`; None: these.
@@ -215,5 +213,7 @@ def _equatorial(longitude: Array, latitude: ArrayLike, distance_m: Array) -> Arr
 def _tide(position: Array, body_m: Array, strength: float) -> Array:
     toward = body_m - position
     # The Earth falls towards the body too: only the difference is a tide.
-    pull, fall = (each / np.linalg.norm(each, axis=-1, keepdims=True) ** 3 for each in (toward, body_m))
+    pull, fall = (
+        each / np.linalg.norm(each, axis=-1, keepdims=True) ** 3 for each in (toward, body_m)
+    )
     return np.asarray(strength * (pull - fall))

@@ -128,6 +128,8 @@ def attraction(position_m: Array, *bands: tuple[int, int]) -> Array:
     for first in range(0, len(flat), _AT_ONCE):
         part = slice(first, first + _AT_ONCE)
         rows = _harmonics(flat[part], last + 1)
-        found[..., part] = (weights @ rows.reshape(weights.shape[1], -1)).reshape(*found.shape[:2], -1)
+        found[..., part] = (weights @ rows.reshape(weights.shape[1], -1)).reshape(
+            *found.shape[:2], -1
+        )
     scale = EARTH_MU_M3_S2 / EGM96_RADIUS_M**2
     return np.asarray(scale * np.moveaxis(found, 1, -1)).reshape(len(bands), *position_m.shape)
