@@ -207,7 +207,7 @@ def _equatorial(longitude: Array, latitude: ArrayLike, distance_m: Array) -> Arr
     x, y, z = across * np.cos(longitude), across * np.sin(longitude), up
     cos_e, sin_e = np.cos(OBLIQUITY_RAD), np.sin(OBLIQUITY_RAD)
     turned = [x, cos_e * y - sin_e * z, sin_e * y + cos_e * z]
-    return distance_m[..., np.newaxis] * np.stack(turned, axis=-1)
+    return np.asarray(distance_m[..., np.newaxis] * np.stack(turned, axis=-1))
 
 
 def _tide(position: Array, body_m: Array, strength: float) -> Array:

@@ -26,7 +26,7 @@ _NODES, _PIECES = 40, 3.0
 _SETTLED_M, _MOST_SWEEPS, _INNER = 1e-4, 30, 3
 # Waves that begin at -1, on the nodes, from values on them.
 _X = -np.cos(np.linspace(0.0, math.pi, _NODES))
-_FIT: Array = np.linalg.inv(chebyshev.chebvander(_X, _NODES - 1))
+_FIT: Array = np.asarray(np.linalg.inv(chebyshev.chebvander(_X, _NODES - 1)), np.float64)
 _SUM: Array = chebyshev.chebvander(_X, _NODES) @ chebyshev.chebint(_FIT, lbnd=-1, axis=0)
 
 
@@ -103,7 +103,7 @@ def _piece(
     found[..., :3] = position * np.cos(phase) + velocity / rate * np.sin(phase)
     found[..., 3:] = velocity * np.cos(phase) - position * rate * np.sin(phase)
     for _ in range(_MOST_SWEEPS):
-        before, forced = found[..., :3].copy(), 0.0
+        before, forced = found[..., :3].copy(), np.zeros(3)
         if disturbances is not None:
             forced = disturbances.acceleration(t_s, found, scales)
         # The point mass pulls hardest and costs least.
