@@ -36,10 +36,7 @@ COMBINATIONS = (
 )  # fmt: skip
 """Small changes of a nearly circular orbit, each in metres; the columns of `orbit_changes`."""
 # The differences of neighbouring orbits, and of orbits with other forces.
-_STEP = np.array([10.0] * 3 + [0.01] * 3)
-_BURN_STEP_M_S = 0.01
-# A millimetre a step; a metre-level orbit needs no better, and takes a third of the time.
-_TOLERANCE = 1e-10
+_STEP_M, _STEP_M_S = 1.0, 1e-3
 _MOST_ITERATIONS = 15
 _SETTLED_SIGMA = 3e-3
 # Points are judged where the orbit is nearly right, or where it will not become so: what does not
@@ -129,20 +126,13 @@ class Dynamics:
 
         `values` (trials, p) are those of `names`; q has `considered` behind them.
         """
-        steps = np.zeros((1, len(self.names) + 2)), np.eye(len(self.names) + 2)
-        size = np.concatenate([_STEP, [1.0], [_BURN_STEP_M_S] * (len(self.names) - 7), [1.0, 1.0]])
-        central = np.ones(len(size), dtype=bool)
-        # Drag, field and radiation act in proportion: one side is exact enough.
-        central[[6, -2, -1]] = False
-        moves = np.concatenate([steps[0], steps[1], -steps[1][central]]) * size
+        burn = [_STEP_M_S] * (len(self.names) - 7)
+        size = np.array([_STEP_M] * 3 + [_STEP_M_S] * 3 + [1.0, *burn, 1.0, 1.0])
+        moves = np.concatenate([np.zeros((1, len(size))), np.diag(size)])
         # Consider parameters stay nominal: no field beyond its degree, radiation as modelled.
         nominal = np.concatenate([values, np.broadcast_to([0.0, 1.0], (len(values), 2))], axis=1)
         every = self._together(epoch_t_s, nominal + moves[:, np.newaxis], t_s)
-        ahead = every[1 : 1 + len(size)]
-        behind = np.broadcast_to(every[0], ahead.shape).copy()
-        behind[central] = every[1 + len(size) :]
-        slopes = (ahead - behind) / (size * np.where(central, 2.0, 1.0))[:, None, None, None]
-        return every[0], np.moveaxis(slopes, 0, -1)
+        return every[0], np.moveaxis(every[1:] - every[0], 0, -1) / size
 
     def states(self, epoch_t_s: float, values: Array, t_s: Array) -> Array:
         """Return states (..., n, 6) of values (..., q) of `names` and of `considered`."""
@@ -165,7 +155,7 @@ class Dynamics:
             if len(wanted):
                 found = propagate_together(
                     start, wanted, POINT_MASS, epoch_t_s=begin_s, disturbances=self.forces,
-                    scales=scales, tolerance=_TOLERANCE,
+                    scales=scales,
                 )  # fmt: skip
                 whole[part] = found[: int(np.sum(part))]
             if not last:

@@ -83,30 +83,30 @@ class Disturbances(Params):
         row = _AIR[max(int(np.searchsorted(_AIR[:, 0], height_m, side="right")) - 1, 0)]
         return dict(zip(("air_height_m", "air_density_kg_m3", "air_scale_m"), row, strict=True))
 
-    def acceleration(self, t_s: float, states: Array, scales: Array | None = None) -> Array:
-        """Return the acceleration (m, 3) of states (m, 6) at one time, m/s^2.
+    def acceleration(self, t_s: ArrayLike, states: Array, scales: Array | None = None) -> Array:
+        """Return the acceleration (..., m, 3) of states (..., m, 6) at times (...), m/s^2.
 
         `scales` (m, 3) are the factors as in `NOMINAL_SCALES`; None: these.
         """
         # One bundle holds orbits of several forces: their differences are partials.
-        factors = np.broadcast_to(NOMINAL_SCALES, (len(states), 3)) if scales is None else scales
-        total = np.zeros((len(states), 3))
+        factors = np.asarray([NOMINAL_SCALES]) if scales is None else scales
+        position, total = states[..., :3], np.zeros((*states.shape[:-1], 3))
         if self.ballistic_m2_kg > 0.0:
             total += factors[:, :1] * self._drag(states)
         if self.degree >= 2:
-            total += self._field(t_s, states[:, :3], factors[:, 2:])
-        sun = sun_m(t_s)
+            total += self._field(t_s, position, factors[:, 2:])
+        sun = sun_m(t_s)[..., np.newaxis, :]
         if self.sun:
-            total += _tide(states[:, :3], sun, SUN_MU_M3_S2)
+            total += _tide(position, sun, SUN_MU_M3_S2)
         if self.moon:
-            total += _tide(states[:, :3], moon_m(t_s), MOON_MU_M3_S2)
+            total += _tide(position, moon_m(t_s)[..., np.newaxis, :], MOON_MU_M3_S2)
         if self.radiation_m2_kg > 0.0 or self.panel_m_s2 != 0.0:
-            total += self._by_light(states[:, :3], sun, factors[:, 1:2])
+            total += self._by_light(position, sun, factors[:, 1:2])
         return total
 
-    def _field(self, t_s: float, position: Array, beyond: Array) -> Array:
+    def _field(self, t_s: ArrayLike, position: Array, beyond: Array) -> Array:
         # The Earth's axes turn; one rotation there and back costs less than one for each degree.
-        angle = float(sidereal_angle_rad(t_s))
+        angle = sidereal_angle_rad(t_s)[..., np.newaxis]
         fixed = turned_about_pole(position, -angle)
         if self.degree == MOST_DEGREES or not np.any(beyond):
             return turned_about_pole(attraction(fixed, (2, self.degree))[0], angle)
@@ -115,31 +115,27 @@ class Disturbances(Params):
 
     def _by_light(self, position: Array, sun: Array, factor: Array) -> Array:
         toward = sun - position
-        distance = np.linalg.norm(toward, axis=1, keepdims=True)
+        distance = np.linalg.norm(toward, axis=-1, keepdims=True)
         pressure = SUN_PRESSURE_N_M2 * self.radiation_m2_kg * (AU_M / distance) ** 2
-        push = factor * pressure * lit_share(position, sun)[:, np.newaxis]
+        push = factor * pressure * lit_share(position, sun)[..., np.newaxis]
         # A panel stays warm for longer than the shadow lasts: its radiation is not switched.
         return np.asarray((self.panel_m_s2 - push) * toward / distance)
 
     def _drag(self, states: Array) -> Array:
-        position, velocity = states[:, :3], states[:, 3:]
-        # The air turns with the Earth: drag acts on the velocity through it.
-        turning = EARTH_RATE_RAD_S * np.stack(
-            [-position[:, 1], position[:, 0], np.zeros(len(states))], axis=1
-        )
-        through = velocity - turning
-        height = np.linalg.norm(position, axis=1) - EARTH_RADIUS_M
+        height = np.linalg.norm(states[..., :3], axis=-1, keepdims=True) - EARTH_RADIUS_M
         density = self.air_density_kg_m3 * np.exp(-(height - self.air_height_m) / self.air_scale_m)
-        speed = np.linalg.norm(through, axis=1)
-        return np.asarray(-0.5 * self.ballistic_m2_kg * (density * speed)[:, np.newaxis] * through)
+        # The air turns with the Earth: drag acts on the velocity through it.
+        through = states[..., 3:] - turning_velocity(states[..., :3])
+        speed = np.linalg.norm(through, axis=-1, keepdims=True)
+        return np.asarray(-0.5 * self.ballistic_m2_kg * density * speed * through)
 
 
 def lit_share(position_m: Array, sun: Array) -> Array:
-    """Return the lit share (m,) of the Sun's disc at positions (m, 3); 0 in the umbra."""
+    """Return the lit share (...) of the Sun's disc at positions (..., 3); 0 in the umbra."""
     toward = sun - position_m
-    distance, radius = np.linalg.norm(toward, axis=1), np.linalg.norm(position_m, axis=1)
+    distance, radius = np.linalg.norm(toward, axis=-1), np.linalg.norm(position_m, axis=-1)
     own, earth = np.arcsin(SUN_RADIUS_M / distance), np.arcsin(EARTH_RADIUS_M / radius)
-    cosine = -np.einsum("ij,ij->i", position_m, toward) / (radius * distance)
+    cosine = -np.einsum("...i,...i", position_m, toward) / (radius * distance)
     # Straight under the Sun rounding leaves the range of a cosine.
     apart = np.maximum(np.arccos(np.clip(cosine, -1.0, 1.0)), 1e-9)
     # Two overlapping discs; the clip makes contact from inside and outside the limits.
@@ -165,9 +161,15 @@ def turned_about_pole(vector: Array, angle_rad: ArrayLike) -> Array:
     return np.stack([cosine * x - sine * y, sine * x + cosine * y, z], axis=-1)
 
 
-def sun_m(t_s: float) -> Array:
-    """Return the geocentric place of the Sun (3,), mean equator and equinox of J2000."""
-    centuries = (t_s - _J2000_T_S) / _CENTURY_S
+def turning_velocity(position: Array) -> Array:
+    """Return the velocity (..., 3) of what turns with the Earth at inertial positions (..., 3)."""
+    x, y, _ = np.moveaxis(position, -1, 0)
+    return EARTH_RATE_RAD_S * np.stack([-y, x, np.zeros_like(x)], axis=-1)
+
+
+def sun_m(t_s: ArrayLike) -> Array:
+    """Return the geocentric places of the Sun (..., 3), mean equator and equinox of J2000."""
+    centuries = (np.asarray(t_s) - _J2000_T_S) / _CENTURY_S
     anomaly = np.radians(357.5256 + 35999.049 * centuries)
     longitude = (
         np.radians(282.9400)
@@ -178,14 +180,14 @@ def sun_m(t_s: float) -> Array:
     return _equatorial(longitude, 0.0, distance)
 
 
-def moon_m(t_s: float) -> Array:
-    """Return the geocentric place of the Moon (3,), mean equator and equinox of J2000."""
-    centuries = (t_s - _J2000_T_S) / _CENTURY_S
+def moon_m(t_s: ArrayLike) -> Array:
+    """Return the geocentric places of the Moon (..., 3), mean equator and equinox of J2000."""
+    centuries = (np.asarray(t_s) - _J2000_T_S) / _CENTURY_S
     mean = np.radians(218.31617 + 481267.88088 * centuries - 1.3972 * centuries)
     arguments = np.radians(
         np.array([134.96292, 357.52543, 93.27283, 297.85027])
-        + np.array([477198.86753, 35999.04944, 483202.01873, 445267.11135]) * centuries
-    )
+        + np.multiply.outer(centuries, [477198.86753, 35999.04944, 483202.01873, 445267.11135])
+    ).T
     _, suns, node, _ = arguments
     unequal = _ARC * _sum(_MOON_LONGITUDE, np.sin, arguments)
     up = _ARC * (412.0 * np.sin(2.0 * node) + 541.0 * np.sin(suns))
@@ -193,22 +195,25 @@ def moon_m(t_s: float) -> Array:
         18520.0 * np.sin(node + unequal + up) + _sum(_MOON_LATITUDE, np.sin, arguments)
     )
     distance = 1e3 * (385000.0 + _sum(_MOON_DISTANCE_KM, np.cos, arguments))
-    return _equatorial(mean + unequal, float(latitude), distance)
+    return _equatorial(mean + unequal, latitude, distance)
 
 
-def _sum(series: Array, wave: np.ufunc, arguments: Array) -> float:
-    return float(series[:, 0] @ wave(series[:, 1:] @ arguments))
+def _sum(series: Array, wave: np.ufunc, arguments: Array) -> Array:
+    return np.asarray(series[:, 0] @ wave(series[:, 1:] @ arguments))
 
 
-def _equatorial(longitude: float, latitude: float, distance_m: float) -> Array:
+def _equatorial(longitude: Array, latitude: ArrayLike, distance_m: Array) -> Array:
     across, up = np.cos(latitude), np.sin(latitude)
     x, y, z = across * np.cos(longitude), across * np.sin(longitude), up
     cos_e, sin_e = np.cos(OBLIQUITY_RAD), np.sin(OBLIQUITY_RAD)
-    return distance_m * np.array([x, cos_e * y - sin_e * z, sin_e * y + cos_e * z])
+    turned = [x, cos_e * y - sin_e * z, sin_e * y + cos_e * z]
+    return np.asarray(distance_m[..., np.newaxis] * np.stack(turned, axis=-1))
 
 
 def _tide(position: Array, body_m: Array, strength: float) -> Array:
     toward = body_m - position
-    pull = toward / np.linalg.norm(toward, axis=1, keepdims=True) ** 3
     # The Earth falls towards the body too: only the difference is a tide.
-    return np.asarray(strength * (pull - body_m / np.linalg.norm(body_m) ** 3))
+    pull, fall = (
+        each / np.linalg.norm(each, axis=-1, keepdims=True) ** 3 for each in (toward, body_m)
+    )
+    return np.asarray(strength * (pull - fall))

@@ -14,10 +14,12 @@ from functools import lru_cache
 
 import numpy as np
 
-from rf_pointing.core import EARTH_MU_M3_S2, Array, ComplexArray, IntArray
+from rf_pointing.core import EARTH_MU_M3_S2, Array, ComplexArray
 
 EGM96_RADIUS_M = 6378136.3
 MOST_DEGREES = 12
+# Positions whose harmonics the processor's cache holds.
+_AT_ONCE = 512
 # Degree by degree from 2, C of every order and then S, in units of 1e-9.
 _EGM96 = """
 -484165.371736 -0.186987635955 2439.14352398 0 1.19528012031 -1400.16683654 957.254173792
@@ -65,57 +67,69 @@ def coefficients() -> ComplexArray:
 
 
 @lru_cache(maxsize=16)
-def _weights(first: int, last: int) -> ComplexArray:
-    """Return what the harmonics (rows of `_harmonics`) add to x, y and z, (3, rows)."""
-    weights = np.zeros((3, (last + 2) * (last + 3) // 2), dtype=np.complex128)
-    for n in range(first, last + 1):
-        row = (n + 1) * (n + 2) // 2
-        for m in range(n + 1):
-            c = coefficients()[n, m]
-            # The derivatives of a harmonic are harmonics of the next degree.
-            weights[2, row + m] -= (n - m + 1) * c
-            half = 1.0 if m == 0 else 0.5
-            weights[:2, row + m + 1] -= half * c
-            if m > 0:
-                turned = 0.5 * (n - m + 2) * (n - m + 1) * c
-                weights[:2, row + m - 1] += turned * np.array([1.0, -1.0])
-    return weights
+def _weights(*bands: tuple[int, int]) -> Array:
+    """Return what V and W (columns, as `_harmonics` has them) add to x, y and z of each band."""
+    weights = np.zeros((len(bands), 3, _first(max(band[1] for band in bands) + 2)), np.complex128)
+    for found, (lowest, highest) in zip(weights, bands, strict=True):
+        for n in range(lowest, highest + 1):
+            row = _first(n + 1)
+            for m in range(n + 1):
+                c = coefficients()[n, m]
+                # The derivatives of a harmonic are harmonics of the next degree.
+                found[2, row + m] -= (n - m + 1) * c
+                half = 1.0 if m == 0 else 0.5
+                found[:2, row + m + 1] -= half * c
+                if m > 0:
+                    turned = 0.5 * (n - m + 2) * (n - m + 1) * c
+                    found[:2, row + m - 1] += turned * np.array([1.0, -1.0])
+    # The real part of x and z, the imaginary one of y.
+    weights[:, 1] *= -1j
+    return np.stack([weights.real, -weights.imag], axis=-1).reshape(3 * len(bands), -1)
 
 
-def _harmonics(position_m: Array, degree: int) -> ComplexArray:
-    """Return U_nm (rows, m) up to `degree` at Earth-fixed positions (m, 3), degree by degree."""
+def _first(degree: int) -> int:
+    """Return the row of order 0 of a degree."""
+    return degree * (degree + 1) // 2
+
+
+@lru_cache(maxsize=1)
+def _recursion() -> list[tuple[Array, Array]]:
+    """Return the factors of the recursion, by degree, for orders below it and one less."""
+    orders = [np.arange(n, dtype=np.float64).reshape(-1, 1, 1) for n in range(MOST_DEGREES + 2)]
+    return [((2 * n - 1) / (n - m), ((n + m - 1) / (n - m))[:-1]) for n, m in enumerate(orders)]
+
+
+def _harmonics(position_m: Array, degree: int) -> Array:
+    """Return V_nm and W_nm (rows, 2, m) up to `degree` at Earth-fixed positions (m, 3)."""
     square = np.einsum("ij,ij->i", position_m, position_m)
-    across = EGM96_RADIUS_M * (position_m[:, 0] + 1j * position_m[:, 1]) / square
-    up, ratio = EGM96_RADIUS_M * position_m[:, 2] / square, EGM96_RADIUS_M**2 / square
-    rows = np.zeros((degree + 1, degree + 1, len(square)), dtype=np.complex128)
-    rows[0, 0] = np.sqrt(ratio)
+    x, y, up = EGM96_RADIUS_M * position_m.T / square
+    ratio = EGM96_RADIUS_M**2 / square
+    rows = np.empty((_first(degree + 1), 2, len(square)))
+    rows[0] = np.sqrt(ratio), np.zeros_like(ratio)
     # A whole degree at once: loops over orders would cost more than the arithmetic.
-    for n in range(1, degree + 1):
-        m = np.arange(n)[:, np.newaxis]
-        rows[n, n] = (2 * n - 1) * across * rows[n - 1, n - 1]
-        rows[n, :n] = ((2 * n - 1) / (n - m)) * up * rows[n - 1, :n]
-        if n > 1:
-            rows[n, :n] -= ((n + m - 1) / (n - m)) * ratio * rows[n - 2, :n]
-    found: ComplexArray = rows[_triangle(degree + 1)]
-    return found
-
-
-@lru_cache(maxsize=16)
-def _triangle(count: int) -> tuple[IntArray, IntArray]:
-    return np.tril_indices(count)
+    for n, (rise, fall) in enumerate(_recursion()[1 : degree + 1], start=1):
+        place, last = _first(n), _first(n - 1)
+        np.multiply(rise * up, rows[last:place], out=rows[place : place + n])
+        rows[place : place + n - 1] -= fall * ratio * rows[_first(n - 2) : last]
+        v, w = (2 * n - 1) * rows[place - 1]
+        rows[place + n] = x * v - y * w, x * w + y * v
+    return rows
 
 
 def attraction(position_m: Array, *bands: tuple[int, int]) -> Array:
-    """Return the acceleration (bands, m, 3) of the harmonics in each band of degrees, m/s^2.
+    """Return the acceleration (bands, ..., 3) of the harmonics in each band of degrees, m/s^2.
 
-    `position_m` (m, 3) is Earth-fixed.  A band is its first and last degree, both included and in
+    `position_m` (..., 3) is Earth-fixed.  A band is its first and last degree, both included and in
     [2, 12]; the point mass is not part of any.
     """
+    weights, flat = _weights(*bands), position_m.reshape(-1, 3)
     last = max(band[1] for band in bands)
-    harmonics = _harmonics(position_m, last + 1)
-    found = []
-    for band in bands:
-        weights = _weights(*band)
-        sums = weights @ harmonics[: weights.shape[1]]
-        found.append(np.stack([sums[0].real, sums[1].imag, sums[2].real], axis=1))
-    return np.asarray(EARTH_MU_M3_S2 / EGM96_RADIUS_M**2 * np.array(found))
+    found = np.empty((len(bands), 3, len(flat)))
+    for first in range(0, len(flat), _AT_ONCE):
+        part = slice(first, first + _AT_ONCE)
+        rows = _harmonics(flat[part], last + 1)
+        found[..., part] = (weights @ rows.reshape(weights.shape[1], -1)).reshape(
+            *found.shape[:2], -1
+        )
+    scale = EARTH_MU_M3_S2 / EGM96_RADIUS_M**2
+    return np.asarray(scale * np.moveaxis(found, 1, -1)).reshape(len(bands), *position_m.shape)

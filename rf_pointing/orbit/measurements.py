@@ -51,12 +51,6 @@ class StationMotion:
         return azimuth, (ground * v_up - up * outward) / (ground**2 + up**2)
 
 
-def turning_velocity(position: Array) -> Array:
-    """Return the velocity (..., 3) of what turns with the Earth at inertial positions (..., 3)."""
-    x, y, _ = np.moveaxis(position, -1, 0)
-    return EARTH_RATE_RAD_S * np.stack([-y, x, np.zeros_like(x)], axis=-1)
-
-
 def measured_from(states: Array, station: StationMotion, light: bool = False) -> Array:
     """Return azimuth, elevation, range and range rate (..., n, 4) of states (..., n, 6)."""
     relative, velocity = station.sight(states, light)

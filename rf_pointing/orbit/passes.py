@@ -28,8 +28,8 @@ from rf_pointing.orbit.determination import (
     determine,
     rtn_axes,
 )
-from rf_pointing.orbit.forces import Disturbances
-from rf_pointing.orbit.measurements import KINDS, StationMotion, turning_velocity
+from rf_pointing.orbit.forces import Disturbances, turning_velocity
+from rf_pointing.orbit.measurements import KINDS, StationMotion
 
 DEGREE = 8
 """Last degree of the Earth's field in an orbit from passes; what lies beyond is considered."""

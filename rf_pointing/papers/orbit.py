@@ -547,7 +547,6 @@ def week_m(push_m_s2: float) -> tuple[float, float, float]:
             t_s,
             POINT_MASS,
             epoch_t_s=EPOCH_T_S,
-            tolerance=1e-12,
             disturbances=Disturbances(panel_m_s2=push),
         )[:, 0]
         for push in (0.0, push_m_s2)

@@ -15,13 +15,13 @@ from numpy.typing import ArrayLike
 from rf_pointing.core import Params, as_finite_array, parameter
 from rf_pointing.core.constants import EARTH_MU_M3_S2, EARTH_RADIUS_M
 from rf_pointing.core.types import Array
-from rf_pointing.orbit.forces import Disturbances, sidereal_angle_rad, turned_about_pole
-from rf_pointing.orbit.measurements import (
-    StationMotion,
-    measured_from,
-    partials_from,
+from rf_pointing.orbit.forces import (
+    Disturbances,
+    sidereal_angle_rad,
+    turned_about_pole,
     turning_velocity,
 )
+from rf_pointing.orbit.measurements import StationMotion, measured_from, partials_from
 from rf_pointing.orbit.motion import propagate_together
 
 _FLATTENING = 1.0 / 298.257223563
