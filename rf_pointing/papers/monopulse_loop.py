@@ -180,10 +180,9 @@ def fly(setup: MonopulsePass, radio: Radio) -> PassLog:
     for k, _ in ticks(
         BareAntenna(plant, wind, TICK_S, laws, lambda k: ephemeris.position_rad[k]), count
     ):
-        velocities[k], transparent[k] = (
-            preprocessor.state.velocity_rad_s,
-            all(preprocessor.state.transparent),
-        )
+        # A copy of all of it, at each look.
+        done = preprocessor.state
+        velocities[k], transparent[k] = done.velocity_rad_s, all(done.transparent)
         sky = np.array([math.cos(truth.position_rad[k + 1, 1]), 1.0])
         errors[k] = (truth.position_rad[k + 1] - plant.beam_rad) * sky
         radio.sample(k + 1, errors[k], (plant.encoder_rad - ephemeris.position_rad[k + 1]) * sky)

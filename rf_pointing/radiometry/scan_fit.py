@@ -208,6 +208,10 @@ class _Problem:
         """Return R (n,) at the samples of the scan, or at others."""
         taken = self.samples if samples is None else samples
         x, y = values[X] - taken.cross_elevation_rad, values[Y] - taken.elevation_rad
+        return self._gain_at(x, y, values)
+
+    def _gain_at(self, x: Array, y: Array, values: Array) -> Array:
+        """Return R (..., n) of a target at `x` and `y` off the beam."""
         e1, e2 = values[E1], values[E2]
         u2 = (
             np.maximum(x**2 * (1.0 - e1) - 2.0 * e2 * x * y + y**2 * (1.0 + e1), 0.0)
@@ -239,36 +243,44 @@ class _Problem:
 
     def start(self, used: NDArray[np.bool_]) -> Array:
         """Return the best of the directions on a grid, with the level that belongs to each."""
-        taken = self.samples.kept(used)
+        taken, since = self.samples.kept(used), self._since_s[used]
         step = 0.35 * max(self._beamwidth, self.params.radius_rad)
         axes = [
             np.arange(column.min() - step, column.max() + 1.5 * step, step)
             for column in (taken.cross_elevation_rad, taken.elevation_rad)
         ]
-        best, found = math.inf, np.zeros(9)
+        found = np.zeros(9)
         found[WIDTH] = self._beamwidth
-        trial = found.copy()
-        for trial[X] in axes[0]:
-            for trial[Y] in axes[1]:
-                columns = self._linear(trial, used)
-                fitted, *_ = np.linalg.lstsq(columns, taken.power / taken.sigma, rcond=None)
-                cost = float(np.sum((columns @ fitted - taken.power / taken.sigma) ** 2))
-                if cost < best and fitted[0] > 0.0:
-                    best, found = cost, trial.copy()
-                    found[LEVEL : LEVEL + len(fitted)] = fitted
-        if not math.isfinite(best):
+        shape = found.copy()
+        rows = [taken.sky, since * taken.sky, taken.elevation_rad][: len(self.free("fixed")) - 3]
+        base, power = (
+            np.array(rows).reshape(-1, len(since)) / taken.sigma,
+            taken.power / taken.sigma,
+        )
+        # What the baseline explains is taken out of the power and of the beam of every direction.
+        known = np.linalg.qr(base.T)[0]
+        left, best = power - known @ (known.T @ power), 0.0
+        y = axes[1][:, None] - taken.elevation_rad
+        for x in axes[0]:
+            beam = (
+                self._gain_at(x - taken.cross_elevation_rad, y, shape)
+                * taken.strength
+                / taken.sigma
+            )
+            seen = beam - (beam @ known) @ known.T
+            size = np.maximum(np.sum(seen**2, axis=1), 1e-300)
+            shown = np.maximum(seen @ left, 0.0) ** 2 / size
+            at = int(np.argmax(shown))
+            if shown[at] > best:
+                best, found[[X, Y]] = float(shown[at]), (x, axes[1][at])
+                columns = np.vstack([beam[at], base]).T
+                fitted, *_ = np.linalg.lstsq(columns, power, rcond=None)
+                found[LEVEL : LEVEL + len(fitted)] = fitted
+        if not best:
             raise ValueError(
                 "no source was seen: nowhere in the scan does the power rise like the beam"
             )
         return found
-
-    def _linear(self, values: Array, used: NDArray[np.bool_]) -> Array:
-        taken, since = self.samples.kept(used), self._since_s[used]
-        gain = self.gain(values, taken) * taken.strength
-        rows = [gain, taken.sky, since * taken.sky, taken.elevation_rad][
-            : len(self.free("fixed")) - 2
-        ]
-        return np.column_stack(rows) / taken.sigma[:, None]
 
     def solve(self, start: Array, used: NDArray[np.bool_]) -> tuple[Array, Array, Array, str]:
         """Return values, covariance and all residuals of the fit to the used samples, its shape."""

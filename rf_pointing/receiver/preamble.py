@@ -71,6 +71,8 @@ class PreambleDetector:
         self._pending: Burst | None = None
         self._size = scipy.fft.next_fast_len(4 * len(self._template))
         self._conjugate = np.conj(scipy.fft.fft(self._template, self._size))
+        self._n_s = np.arange(self._size) / self._rate_hz
+        self._turns = np.exp(-2j * np.pi * np.outer(self._trials_hz, self._n_s))
 
     def take(self, block: Spectrum, predicted_hz: float, density: float) -> list[Burst]:
         """Take a block; return the sequences that end in it. `density` is N0, 0: unknown."""
@@ -107,19 +109,16 @@ class PreambleDetector:
         self, series: ComplexArray, start: int, away_hz: float, density: float
     ) -> Burst | None:
         size, length = len(series), len(self._template)
-        n = np.arange(size) / self._rate_hz
-        trials = self._trials_hz + away_hz
-        peaks = np.empty((len(trials), size - length))
-        for row, trial_hz in enumerate(trials):
-            mixed = scipy.fft.fft(series * np.exp(-2j * np.pi * trial_hz * n))
-            peaks[row] = np.abs(scipy.fft.ifft(mixed * self._conjugate)[: size - length]) ** 2
+        mixed = scipy.fft.fft(series * np.exp(-2j * np.pi * away_hz * self._n_s) * self._turns)
+        mixed *= self._conjugate
+        peaks = np.abs(scipy.fft.ifft(mixed)[:, : size - length]) ** 2
         row, at = map(int, np.unravel_index(int(np.argmax(peaks)), peaks.shape))
         noise = density / self.seconds
         top = float(peaks[row, at]) / self._energy**2
         if top / noise < math.log(peaks.size / FALSE_SHARE):
             return None
         shift, best = 0.0, top
-        if 0 < row < len(trials) - 1:
+        if 0 < row < len(self._trials_hz) - 1:
             left, middle, right = (
                 math.sqrt(float(peaks[row + k, at])) / self._energy for k in (-1, 0, 1)
             )

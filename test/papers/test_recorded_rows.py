@@ -31,6 +31,7 @@ from rf_pointing.papers import (
     servo_noise,
     servo_wind,
     tripulse,
+    tripulse_attitude,
 )
 from rf_pointing.papers.autotrack_cases import Case
 from rf_pointing.papers.doa_study.attitude_runs import CaseResult, RunTask
@@ -91,6 +92,12 @@ def flown_by_the_station() -> list[Row]:
         return [*autotrack.rows(2), *sensors.rows(3)]
 
 
+def tripulse_rows() -> list[Row]:
+    """A quarter of the frames: what is scored over them follows their number."""
+    with changed(tripulse_attitude, FRAMES=100):
+        return tripulse.rows()
+
+
 def doa_tables() -> list[Row]:
     """Return the rows of the command from results of no run: which result each row is made of."""
 
@@ -111,8 +118,8 @@ def doa_tables() -> list[Row]:
 
 TABLES: dict[str, tuple[Callable[[], list[Row]], float, str]] = {
     "PI83": (interferometer.rows, OURS_REL, "interferometer"),
-    "TRIPULSE": (tripulse.rows, OURS_REL, "tripulse"),
-    "CONSCAN": (conscan.rows, OURS_REL, "conscan"), "SATCAL": (satcal.rows, FLOWN_REL, "satcal"),
+    "TRIPULSE": (tripulse_rows, OURS_REL, "tripulse"), "CONSCAN": (conscan.rows, OURS_REL, "conscan"),
+    "SATCAL": (lambda: satcal.rows(1, satcal.Effort(campaigns=60, white=20, radars=80)), FLOWN_REL, "satcal"),
     "BWG monopulse in the station's code": (monopulse.rows, FLOWN_REL, "monopulse"),
     "BWG feedforward": (servo_feedforward.feedforward_rows, FLOWN_REL, "servo"),
     "BWG monopulse": (servo_monopulse.monopulse_rows, FLOWN_REL, "servo"),

@@ -1,6 +1,7 @@
 """Scans with a planted truth: total power of a dish of 3.7 m, or a carrier."""
 
 import math
+from functools import cache
 
 import numpy as np
 
@@ -12,6 +13,14 @@ from rf_pointing.tracking.scan_program import ScanProgram, ScanProgramParams
 S_BAND_RAD = math.radians(2.4)
 BEAM = BeamParams(half_power_beamwidth_rad=S_BAND_RAD)
 SYSTEM_K, PERIOD_S = 150.0, 0.1
+
+
+@cache
+def way_of(params: ScanProgramParams) -> np.ndarray:
+    """Return times and offsets (3, n)."""
+    program = ScanProgram(params)
+    t_s = np.arange(0.0, program.duration_s, PERIOD_S)
+    return np.vstack([t_s, np.array([program.offset(t)[:2] for t in t_s]).T])
 
 
 def scan_of(
@@ -32,14 +41,12 @@ def scan_of(
     """Return the total powers of a scan, as temperatures."""
     h = beam.half_power_beamwidth_rad
     frame = "right_ascension" if pattern == "drift" else "cross_elevation"
-    program = ScanProgram(
+    t_s, x, y = way_of(
         ScanProgramParams(
             pattern=pattern, frame=frame, half_width_rad=1.5 * h, rate_rad_s=0.15 * h, move_rate_rad_s=0.6 * h,
             acceleration_rad_s2=0.6 * h, repetitions=repetitions, dwell_s=4.0,
         )
     )  # fmt: skip
-    t_s = np.arange(0.0, program.duration_s, PERIOD_S)
-    x, y = np.array([program.offset(t)[:2] for t in t_s]).T
     dx, dy, (e1, e2) = offset_rad[0] - x, offset_rad[1] - y, ellipse
     u2 = (dx**2 * (1.0 - e1) - 2.0 * e2 * dx * dy + dy**2 * (1.0 + e1)) / (widened * h) ** 2
     gain = DiscResponse(beam).power(u2, radius_rad / (widened * h), 6.0)

@@ -45,17 +45,18 @@ def test_planted_beams_come_back_within_their_sigmas(pattern, offset, widened, e
 def test_the_estimate_reaches_the_cramer_rao_bound_within_a_tenth(
     source_k: float, shape: str, random: np.random.Generator
 ) -> None:
-    """Cassiopeia A in S band, a strong source and the Sun in a dish of 3.7 m; 300 scans each."""
+    """Cassiopeia A in S band, a strong source and the Sun in a dish of 3.7 m; 120 scans each."""
     fits = [
         fit_scan(scan_of(random, source_k=source_k, repetitions=1), KNOWN.replace(shape=shape, pattern_error=0.0))
-        for _ in range(300)
+        for _ in range(120)
     ]
     offsets = np.array([fit.offset_rad for fit in fits])
     bound = np.mean([fit.covariance[:2, :2] for fit in fits], axis=0)
-    # 300 scans give a standard deviation to 4 %.
     ratio = np.sqrt(np.var(offsets, axis=0) / np.diagonal(bound))
-    assert (ratio < 1.1).all(), ratio
-    assert (np.abs(offsets.mean(axis=0) - (0.004, -0.007)) < SIGMAS * np.sqrt(np.diagonal(bound) / 300.0)).all()
+    # 120 scans give a standard deviation to 6.5 %, both axes together to 4.6 %.
+    assert math.sqrt(np.mean(ratio**2)) < 1.1, ratio
+    assert (ratio < 1.16).all(), ratio
+    assert (np.abs(offsets.mean(axis=0) - (0.004, -0.007)) < SIGMAS * np.sqrt(np.diagonal(bound) / 120.0)).all()
 
 
 def test_a_carrier_has_no_baseline_and_follows_the_strength_of_its_satellite(random: np.random.Generator) -> None:

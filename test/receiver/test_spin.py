@@ -19,8 +19,9 @@ def estimated(frequency_hz: float, depth: float, noise: float, seed: int) -> Spi
     return watch.estimate()
 
 
-@pytest.mark.parametrize("frequency_hz", [0.08, 0.31, 1.7, 4.2])
-@pytest.mark.parametrize(("depth", "noise"), [(0.1, 0.1), (0.4, 0.05)])
+@pytest.mark.parametrize(
+    ("frequency_hz", "depth", "noise"), [(0.08, 0.1, 0.1), (0.31, 0.4, 0.05), (1.7, 0.4, 0.05), (4.2, 0.1, 0.1)]
+)
 def test_a_spin_is_found_with_its_sigma(frequency_hz: float, depth: float, noise: float) -> None:
     found = [estimated(frequency_hz, depth, noise, seed) for seed in range(20)]
     off = np.array([(each.frequency_hz - frequency_hz) / each.sigma_hz for each in found])
@@ -30,4 +31,5 @@ def test_a_spin_is_found_with_its_sigma(frequency_hz: float, depth: float, noise
 
 
 def test_noise_has_no_spin() -> None:
-    assert sum(estimated(1.0, 0.0, 0.2, seed) is not None for seed in range(100)) <= 1
+    # One of 100 or none of 62 shows the same share, 4.7 %, at 95 %.
+    assert not any(estimated(1.0, 0.0, 0.2, seed) for seed in range(62))
