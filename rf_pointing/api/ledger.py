@@ -84,7 +84,8 @@ class PlannedCase:
         model: BiasModel | None = None, **more: Any,
     ) -> StationSetup:  # fmt: skip
         """Return the station of the pass, with changes."""
-        return self.station.setup(self.one, self.seed, merged(self.changes, over), model=model, **more)
+        changes = merged(self.changes, over)
+        return self.station.setup(self.one, self.seed, changes, model=model, **more)
 
     def fly(self, setup: StationSetup) -> tuple[Signals, float]:
         """Return the signals of the pass, and 0."""

@@ -391,8 +391,8 @@ class Station:
             "ephemeris_publisher": source, "rf_receiver": {**source, "signal.seed": seed},
             "antenna_servo": {"antenna.seed": seed},
         }  # fmt: skip
-        chosen, description = model or self.model, self.leaning(one.target, one.window)
-        return StationSetup(description, self.band, changes=merged(own, changes), model=chosen, **more)
+        given: dict[str, Any] = {"changes": merged(own, changes), "model": model or self.model}
+        return StationSetup(self.leaning(one.target, one.window), self.band, **given, **more)
 
     def begin_s(self, setup: StationSetup, window: Pass) -> float:
         """Return when the simulation of a pass begins: as early as the slew to it needs."""
@@ -455,7 +455,8 @@ class Station:
     ) -> str:  # fmt: skip
         """Let the simulated station scan, and return "" or why the scan is not complete."""
         setup = self.setup(one, seed, changes, tracker=taken)
-        log = simulate_pass(setup, one.window, self.begin_s(setup, one.window), Sensor.PROGRAM, scan=program)
+        begin_s = self.begin_s(setup, one.window)
+        log = simulate_pass(setup, one.window, begin_s, Sensor.PROGRAM, scan=program)
         late = "it takes longer than the target is up"
         return "" if log.ended == SCANNED else log.fault or log.ended or late
 

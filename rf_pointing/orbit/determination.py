@@ -22,7 +22,7 @@ from rf_pointing.core import EARTH_MU_M3_S2, Array, BoolArray, IntArray, Params,
 from rf_pointing.ephemeris.uncertainty import ElementUncertainty
 from rf_pointing.orbit.forces import Disturbances
 from rf_pointing.orbit.measurements import KINDS, StationMotion, measured_from, partials_from
-from rf_pointing.orbit.motion import POINT_MASS, propagate_together
+from rf_pointing.orbit.motion import point_mass, propagate_together
 from rf_pointing.orbit.square_root import Estimate, triangular
 
 STATE = ("x", "y", "z", "x rate", "y rate", "z rate")
@@ -154,7 +154,7 @@ class Dynamics:
                 wanted = np.append(wanted, float(self.manoeuvre_t_s or 0.0) - begin_s)
             if len(wanted):
                 found = propagate_together(
-                    start, wanted, POINT_MASS, epoch_t_s=begin_s, disturbances=self.forces,
+                    start, wanted, point_mass, epoch_t_s=begin_s, disturbances=self.forces,
                     scales=scales,
                 )  # fmt: skip
                 whole[part] = found[: int(np.sum(part))]

@@ -12,7 +12,7 @@ are differences of orbits that took the same steps.
 """
 
 import math
-from typing import Protocol
+from collections.abc import Callable
 
 import numpy as np
 from numpy.polynomial import chebyshev
@@ -30,25 +30,14 @@ _FIT: Array = np.asarray(np.linalg.inv(chebyshev.chebvander(_X, _NODES - 1)), np
 _SUM: Array = chebyshev.chebvander(_X, _NODES) @ chebyshev.chebint(_FIT, lbnd=-1, axis=0)
 
 
-class Attraction(Protocol):
-    """The Earth's attraction, as far as it is not among the disturbances."""
-
-    def acceleration(self, position_m: Array) -> Array:
-        """Return the acceleration (..., 3) at positions (..., 3), m/s^2."""
+Attraction = Callable[[Array], Array]
+"""The acceleration (..., 3) at positions (..., 3), m/s^2, as far as it is not a disturbance."""
 
 
-class PointMass:
-    """An Earth without a shape."""
-
-    def acceleration(self, position_m: Array) -> Array:
-        """Return the acceleration (..., 3) at positions (..., 3), m/s^2."""
-        square = np.einsum("...i,...i->...", position_m, position_m)
-        return np.asarray(
-            -EARTH_MU_M3_S2 * position_m / (square * np.sqrt(square))[..., np.newaxis]
-        )
-
-
-POINT_MASS = PointMass()
+def point_mass(position_m: Array) -> Array:
+    """Return the acceleration (..., 3) by an Earth without a shape at positions (..., 3), m/s^2."""
+    square = np.einsum("...i,...i->...", position_m, position_m)
+    return np.asarray(-EARTH_MU_M3_S2 * position_m / (square * np.sqrt(square))[..., np.newaxis])
 
 
 def propagate_together(
@@ -108,7 +97,7 @@ def _piece(
             forced = disturbances.acceleration(t_s, found, scales)
         # The point mass pulls hardest and costs least.
         for _ in range(_INNER):
-            pull = gravity.acceleration(found[..., :3]) + forced
+            pull = gravity(found[..., :3]) + forced
             found[..., 3:] = velocity + np.tensordot(half_s * _SUM, pull, 1)
             found[..., :3] = position + np.tensordot(half_s * _SUM, found[..., 3:], 1)
         if np.max(np.abs(found[..., :3] - before)) < _SETTLED_M:

@@ -19,7 +19,7 @@ from rf_pointing.core import EARTH_RADIUS_M, Array, BoolArray, Params, parameter
 from rf_pointing.orbit.determination import Dynamics
 from rf_pointing.orbit.forces import EARTH_RATE_RAD_S, Disturbances
 from rf_pointing.orbit.measurements import KINDS, StationMotion, measured_from, partials_from
-from rf_pointing.orbit.motion import POINT_MASS
+from rf_pointing.orbit.motion import point_mass
 from rf_pointing.orbit.square_root import SquareRootFilter
 
 
@@ -230,9 +230,7 @@ def _moving(
     position, velocity = states[:, :3], states[:, 3:]
     passed = 0.5 * elapsed_s[:, np.newaxis]
     gm = (
-        np.concatenate(
-            [passed * velocity, 0.5 * velocity + passed * POINT_MASS.acceleration(position)], axis=1
-        )
+        np.concatenate([passed * velocity, 0.5 * velocity + passed * point_mass(position)], axis=1)
         - 0.5 * slopes[..., 3:6] @ states[0, 3:]
     )
     earth = np.zeros((len(states), 6, len(_EARTH)))

@@ -15,7 +15,7 @@ from rf_pointing.core.constants import EARTH_MU_M3_S2, EARTH_RADIUS_M, SPEED_OF_
 from rf_pointing.core.types import Array
 from rf_pointing.orbit.forces import Disturbances, sidereal_angle_rad, sun_m
 from rf_pointing.orbit.measurements import StationMotion, measured_from
-from rf_pointing.orbit.motion import POINT_MASS, propagate_together
+from rf_pointing.orbit.motion import point_mass, propagate_together
 from rf_pointing.orbit.study import Before, Knowledge, Tracking, known_orbit
 from rf_pointing.papers.orbit_panel import Layer, Panel
 from rf_pointing.papers.row import Row
@@ -545,7 +545,7 @@ def week_m(push_m_s2: float) -> tuple[float, float, float]:
         propagate_together(
             start[np.newaxis],
             t_s,
-            POINT_MASS,
+            point_mass,
             epoch_t_s=EPOCH_T_S,
             disturbances=Disturbances(panel_m_s2=push),
         )[:, 0]

@@ -121,7 +121,9 @@ def visits(
     if len(culminations) == 0:
         return []
     window = np.arange(-_HALF_WINDOW_S, _HALF_WINDOW_S + step_s, step_s)
-    bundle = propagate_together(secular_states(elements, culminations, gravity), window, gravity)
+    bundle = propagate_together(
+        secular_states(elements, culminations, gravity), window, gravity.acceleration
+    )
     found = []
     for k, culmination in enumerate(culminations):
         times = epoch_t_s + culmination + window

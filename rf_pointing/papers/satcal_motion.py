@@ -155,7 +155,11 @@ def propagate(
         raise ValueError("t_s must not decrease")
     bundle = _bundle(start) if with_partials else start[np.newaxis]
     result = propagate_together(
-        bundle, times - epoch_t_s, gravity, epoch_t_s=epoch_t_s, disturbances=disturbances
+        bundle,
+        times - epoch_t_s,
+        gravity.acceleration,
+        epoch_t_s=epoch_t_s,
+        disturbances=disturbances,
     )
     return Trajectory(times, result[:, 0], _differences(result) if with_partials else None)
 

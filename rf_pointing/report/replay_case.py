@@ -136,8 +136,8 @@ class RecordedCase:
         # That of the recording: the one in the station's folder may be newer.
         chosen = model or self.recorded.model
         return StationSetup(
-            self.description, self.band, changes=merged(self._given, over), model=chosen, wind=wind or self._wind,
-            truth=truth or self._truth,
+            self.description, self.band, changes=merged(self._given, over), model=chosen,
+            wind=wind or self._wind, truth=truth or self._truth,
         )  # fmt: skip
 
     def _track(self) -> TopocentricTrack:

@@ -5,7 +5,7 @@ import pytest
 
 from rf_pointing.core.constants import EARTH_MU_M3_S2
 from rf_pointing.orbit.determination import COMBINATIONS, determine, orbit_changes
-from rf_pointing.orbit.motion import POINT_MASS, propagate_together
+from rf_pointing.orbit.motion import point_mass, propagate_together
 from test.scripts import script_module
 
 trials = script_module("benchmarks/orbit_from_passes.py")
@@ -31,7 +31,7 @@ def test_changes_of_an_orbit_have_the_effect_of_their_names():
     change = orbit_changes(state)
     turn_s = 2.0 * np.pi * radius / speed
     moved = propagate_together(
-        np.concatenate([state[np.newaxis], state + change.T]), [0.25 * turn_s, turn_s], POINT_MASS
+        np.concatenate([state[np.newaxis], state + change.T]), [0.25 * turn_s, turn_s], point_mass
     )
     # Radial, along and across, after a quarter and a whole revolution.
     quarter = np.stack([tilt @ axis for axis in ([0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0])])

@@ -12,7 +12,7 @@ from rf_pointing.core import EARTH_MU_M3_S2, EARTH_RADIUS_M, random_stream
 from rf_pointing.orbit import forces
 from rf_pointing.orbit.forces import AU_M, EARTH_RATE_RAD_S, Disturbances, lit_share, moon_m, sidereal_angle_rad, sun_m
 from rf_pointing.orbit.geopotential import EGM96_RADIUS_M, attraction, coefficients
-from rf_pointing.orbit.motion import POINT_MASS, propagate_together
+from rf_pointing.orbit.motion import point_mass, propagate_together
 from rf_pointing.papers.satcal_motion import Gravity
 
 EPOCH = 827385062.07
@@ -49,7 +49,7 @@ def test_bands_add_up_and_the_zonal_part_is_that_of_the_closed_form():
     places = np.array([[7e6, 1e6, 2e6], [-3e6, 5e6, -4.5e6]])
     whole, low, high = attraction(places, (2, 12), (2, 7), (8, 12))
     assert np.allclose(whole, low + high, rtol=1e-12)
-    zonal = Gravity().acceleration(places) - POINT_MASS.acceleration(places)
+    zonal = Gravity().acceleration(places) - point_mass(places)
     # Longitudes average the tesseral terms out.
     turns = np.arange(24) * 2.0 * math.pi / 24
     ring = np.concatenate([forces.turned_about_pole(places, turn) for turn in turns])
@@ -68,7 +68,7 @@ def test_the_orbit_of_another_propagator():
     )  # fmt: skip
     start = np.array([6.9e6, 1e5, 2e5, -300.0, 1000.0, 7500.0])
     end_s = 4.0 * 5700.0
-    (found,) = propagate_together(start[np.newaxis], [end_s], POINT_MASS, epoch_t_s=EPOCH, disturbances=ours)[0]
+    (found,) = propagate_together(start[np.newaxis], [end_s], point_mass, epoch_t_s=EPOCH, disturbances=ours)[0]
 
     spin = np.array([0.0, 0.0, EARTH_RATE_RAD_S])
 
