@@ -25,7 +25,7 @@ import numpy as np
 from rf_pointing.api.keywords import span_s, time_s
 from rf_pointing.api.passes import StationPass
 from rf_pointing.api.simulated import CLUSTER_S
-from rf_pointing.api.station import Station
+from rf_pointing.api.station import BEFORE_S, Station
 from rf_pointing.api.target import Target
 from rf_pointing.core import DAY_S, MDEG, PassOutcome, require_between, utc_text
 from rf_pointing.ephemeris import Elements, ElementUncertainty, Pass, TopocentricTrack, find_passes
@@ -306,9 +306,9 @@ def fly(
             starts[0] = int(np.sum(signal.starts))
 
     own = StationPass.of_window(window, one.target, station, window.aos_t_s)
-    setup = station.setup(own, one.draw.seed, over)
+    setup, start_s = station.setup(own, one.draw.seed, over), math.floor(window.aos_t_s) - BEFORE_S
     try:
-        log = simulate_pass(setup, window, station.begin_s(setup, window), sensor, on_signal=take)
+        log = simulate_pass(setup, window, start_s, sensor, on_signal=take)
     except ValueError as error:
         # No branch works: the certificate says why.
         return row | {"refused": str(error)}

@@ -33,8 +33,8 @@ from rf_pointing.station.pointing.params import ControllerParams
 from rf_pointing.tracking.power_tracker import CarrierTracker
 from rf_pointing.tracking.scan_program import ScanProgramParams
 
-BEFORE_S, WAITING_S = 150.0, 20.0
-"""A simulation begins so long before acquisition at most, and at least."""
+BEFORE_S = 150.0
+"""A simulation begins so long before acquisition, for the slew and until its lags have faded."""
 
 
 class Station:
@@ -376,7 +376,7 @@ class Station:
             window = dataclasses.replace(window, los_t_s=min(window.los_t_s, window.aos_t_s + 60.0 * minutes))
         chosen = self.description.chosen_sensor(sensor, self.band)
         setup = self.setup(one, seed, changes, tracker=tracker)
-        log = simulate_pass(setup, window, self.begin_s(setup, window), chosen)
+        log = simulate_pass(setup, window, math.floor(window.aos_t_s) - BEFORE_S, chosen)
         return SimulatedPass(one, chosen, log)
 
     def setup(
@@ -393,15 +393,6 @@ class Station:
         }  # fmt: skip
         given: dict[str, Any] = {"changes": merged(own, changes), "model": model or self.model}
         return StationSetup(self.leaning(one.target, one.window), self.band, **given, **more)
-
-    def begin_s(self, setup: StationSetup, window: Pass) -> float:
-        """Return when the simulation of a pass begins: as early as the slew to it needs."""
-        first_s, sets = math.floor(window.aos_t_s) - BEFORE_S, setup.sets("pointing_controller")
-        rules = dataclasses.replace(self.rules, machine=sets["machine"], mount=sets["kinematics"])
-        standing_rad = setup.sets("antenna_servo")["antenna"].start_rad
-        certificate, _ = planned_certificate(setup.track(), window, first_s, standing_rad, rules)
-        slew_s = certificate.branches[0].preposition_s
-        return max(first_s, math.floor(window.aos_t_s - slew_s) - WAITING_S)
 
     def leaning(self, target: Target, window: Pass) -> StationDescription:
         """Return the description for one pass: a tilt axis leans as its certificate chooses."""
@@ -455,8 +446,8 @@ class Station:
     ) -> str:  # fmt: skip
         """Let the simulated station scan, and return "" or why the scan is not complete."""
         setup = self.setup(one, seed, changes, tracker=taken)
-        begin_s = self.begin_s(setup, one.window)
-        log = simulate_pass(setup, one.window, begin_s, Sensor.PROGRAM, scan=program)
+        start_s = math.floor(one.aos_t_s) - BEFORE_S
+        log = simulate_pass(setup, one.window, start_s, Sensor.PROGRAM, scan=program)
         late = "it takes longer than the target is up"
         return "" if log.ended == SCANNED else log.fault or log.ended or late
 
