@@ -8,6 +8,7 @@ import pytest
 
 from rf_pointing.core.constants import EARTH_MU_M3_S2, EARTH_RADIUS_M
 from rf_pointing.orbit.forces import EARTH_RATE_RAD_S, MOON_MU_M3_S2, SUN_MU_M3_S2, Disturbances, moon_m, sun_m
+from rf_pointing.orbit.motion import point_mass, propagate_together
 from rf_pointing.papers.satcal_batch import Arc, fit_orbit
 from rf_pointing.papers.satcal_looks import look
 from rf_pointing.papers.satcal_motion import Elements, Gravity, Site, propagate
@@ -136,6 +137,11 @@ def test_repeated_times_are_allowed_and_decreasing_ones_refused():
     assert np.allclose(twice[[0, 3]], twice[[1, 4]], rtol=0.0, atol=1e-7)
     with pytest.raises(ValueError, match="t_s must not decrease"):
         propagate(0.0, ORBIT.state(), [1.0, 0.0], Gravity())
+
+
+def test_an_orbit_that_falls_into_the_earth_is_refused_with_its_time():
+    with pytest.raises(ValueError, match=r"failed at 931 s: positions have not settled to 0.0001 m after 30 sweeps"):
+        propagate_together([[7e6, 0.0, 0.0, 0.0, 0.0, 0.0]], [3000.0], point_mass)
 
 
 def test_parts_of_a_second_on_both_sides_of_the_epoch_come_in_order():
