@@ -131,7 +131,7 @@ class LagHistory:
         for t, (x_rate, y_rate) in zip(times, rates, strict=True):
             since_s, last_s = t - last_s, t
             if since_s == 0.0:
-                # A rate may change in no time, its average not, to the last bit.
+                # The rate may jump in no time; its average stays, to the last bit.
                 x, y = x_rate, y_rate
                 found.append((x_mean, y_mean, x_slope, y_slope))
                 continue

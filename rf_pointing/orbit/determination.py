@@ -15,6 +15,7 @@ the integrator.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 
@@ -131,36 +132,26 @@ class Dynamics:
         moves = np.concatenate([np.zeros((1, len(size))), np.diag(size)])
         # Consider parameters stay nominal: no field beyond its degree, radiation as modelled.
         nominal = np.concatenate([values, np.broadcast_to([0.0, 1.0], (len(values), 2))], axis=1)
-        every = self._together(epoch_t_s, nominal + moves[:, np.newaxis], t_s)
+        every = self.states(epoch_t_s, nominal + moves[:, np.newaxis], t_s)
         return every[0], np.moveaxis(every[1:] - every[0], 0, -1) / size
 
     def states(self, epoch_t_s: float, values: Array, t_s: Array) -> Array:
         """Return states (..., n, 6) of values (..., q) of `names` and of `considered`."""
-        return self._together(epoch_t_s, values, t_s)
-
-    def _together(self, epoch_t_s: float, values: Array, t_s: Array) -> Array:
         flat = values.reshape(-1, values.shape[-1])
         # In the order of `forces.NOMINAL_SCALES`.
         scales = np.stack([flat[:, 6], flat[:, -1], flat[:, -2]], axis=1)
-        whole = np.empty((len(t_s), len(flat), 6))
-        start, begin_s, parts = flat[:, :6], epoch_t_s, [np.ones(len(t_s), dtype=bool)]
-        if self.manoeuvre_t_s is not None:
-            parts = [t_s <= self.manoeuvre_t_s, t_s > self.manoeuvre_t_s]
-        for leg, part in enumerate(parts):
-            wanted = t_s[part] - begin_s
-            last = leg == len(parts) - 1
-            # The first leg ends with the state at the manoeuvre, which the second begins with.
-            if not last:
-                wanted = np.append(wanted, float(self.manoeuvre_t_s or 0.0) - begin_s)
-            if len(wanted):
-                found = propagate_together(
-                    start, wanted, point_mass, epoch_t_s=begin_s, disturbances=self.forces,
-                    scales=scales,
-                )  # fmt: skip
-                whole[part] = found[: int(np.sum(part))]
-            if not last:
-                start, begin_s = found[-1].copy(), float(self.manoeuvre_t_s or 0.0)
-                start[:, 3:] += flat[:, 7:10]
+        fly = partial(
+            propagate_together, gravity=point_mass, disturbances=self.forces, scales=scales
+        )
+        start, burn_t_s = flat[:, :6], self.manoeuvre_t_s
+        if burn_t_s is None:
+            whole = fly(start, t_s - epoch_t_s, epoch_t_s=epoch_t_s)
+        else:
+            until_s = np.append(np.minimum(t_s, burn_t_s), burn_t_s) - epoch_t_s
+            *before, there = fly(start, until_s, epoch_t_s=epoch_t_s)
+            there[:, 3:] += flat[:, 7:10]
+            after = fly(there, np.maximum(t_s - burn_t_s, 0.0), epoch_t_s=burn_t_s)
+            whole = np.where((t_s <= burn_t_s)[:, np.newaxis, np.newaxis], before, after)
         return np.moveaxis(whole, 0, 1).reshape(*values.shape[:-1], len(t_s), 6)
 
 

@@ -50,7 +50,9 @@ def propagate_together(
     `disturbances`.
     """
     bundle = as_finite_array("states", states, (None, 6))
-    times = as_finite_array("elapsed_s", elapsed_s, (None,))
+    given = as_finite_array("elapsed_s", elapsed_s, (None,))
+    # A time that is wanted twice has one state, to the last bit.
+    times, place = np.unique(given, return_inverse=True)
     result, longest_s = np.empty((len(times), *bundle.shape)), _piece_s(bundle)
     # Once back and once ahead from the epoch.
     for side in (times < 0.0, times >= 0.0):
@@ -65,7 +67,7 @@ def propagate_together(
             at = times[mine] / half_s - (2 * k + 1)
             result[mine] = np.tensordot(chebyshev.chebvander(at, _NODES - 1) @ _FIT, nodes, 1)
             start = nodes[-1]
-    return result
+    return result[place]
 
 
 def _piece_s(bundle: Array) -> float:

@@ -116,9 +116,9 @@ def _turn(
 
     Return error and covariance if valid.
     """
-    way = tracker.params.scan
+    pattern = tracker.params.scan
     for k in range(start, start + tracker.params.window_samples):
-        scan = way.offset(k + 0.5)
+        scan = pattern.offset(k + 0.5)
         x, y = scan.cross_elevation_rad, scan.elevation_rad
         power = receiver.carrier_power(k + 1.0, 1.0, offset[0] - x, offset[1] - y, level_db_hz)
         error = tracker.add(power, x, y)

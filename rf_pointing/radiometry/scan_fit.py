@@ -251,24 +251,17 @@ class _Problem:
         ]
         found = np.zeros(9)
         found[WIDTH] = self._beamwidth
-        shape = found.copy()
         rows = [taken.sky, since * taken.sky, taken.elevation_rad][: len(self.free("fixed")) - 3]
-        base, power = (
-            np.array(rows).reshape(-1, len(since)) / taken.sigma,
-            taken.power / taken.sigma,
-        )
+        base, power = np.reshape(rows, (-1, len(since))) / taken.sigma, taken.power / taken.sigma
         # What the baseline explains is taken out of the power and of the beam of every direction.
         known = np.linalg.qr(base.T)[0]
         left, best = power - known @ (known.T @ power), 0.0
-        y = axes[1][:, None] - taken.elevation_rad
+        y, strength = axes[1][:, None] - taken.elevation_rad, taken.strength / taken.sigma
         for x in axes[0]:
-            beam = (
-                self._gain_at(x - taken.cross_elevation_rad, y, shape)
-                * taken.strength
-                / taken.sigma
-            )
+            beam = self._gain_at(x - taken.cross_elevation_rad, y, found) * strength
             seen = beam - (beam @ known) @ known.T
-            size = np.maximum(np.sum(seen**2, axis=1), 1e-300)
+            # A beam that the baseline explains but for the rounding shows nothing.
+            size = np.sum(seen**2, axis=1) + 1e-20 * np.sum(beam**2, axis=1) + 1e-300
             shown = np.maximum(seen @ left, 0.0) ** 2 / size
             at = int(np.argmax(shown))
             if shown[at] > best:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.fft
 
-from rf_pointing.core.types import ComplexArray
+from rf_pointing.core.types import Array, ComplexArray
 from rf_pointing.receiver.generator import pulses
 from rf_pointing.receiver.params import SignalSearchParams
 from rf_pointing.receiver.spectrum import Layout, Spectrum
@@ -21,6 +21,8 @@ from rf_pointing.receiver.spectrum import Layout, Spectrum
 ROLL_OFF = 0.35
 FALSE_SHARE = 1e-6
 """Chance of a burst in one look at noise; there are 100 looks a second."""
+# Frequencies that are transformed together: quicker than one by one, in bounded memory.
+AT_ONCE = 32
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,16 +65,14 @@ class PreambleDetector:
         place = np.arange(int(len(symbols) * self._rate_hz / rate)) * rate / self._rate_hz * 64
         self._template = shape[place.astype(int)].astype(np.complex128)
         self.seconds = len(self._template) / self._rate_hz
-        step_hz = 0.5 / self.seconds
-        trials = math.ceil(params.uncertainty_hz / step_hz)
-        self._trials_hz = step_hz * np.arange(-trials, trials + 1)
         self._energy = float(np.sum(np.abs(self._template) ** 2))
         self._kept: ComplexArray = np.zeros(0, dtype=np.complex128)
         self._pending: Burst | None = None
         self._size = scipy.fft.next_fast_len(4 * len(self._template))
         self._conjugate = np.conj(scipy.fft.fft(self._template, self._size))
-        self._n_s = np.arange(self._size) / self._rate_hz
-        self._turns = np.exp(-2j * np.pi * np.outer(self._trials_hz, self._n_s))
+        # Half of what the sequence resolves, and two bins of the transform.
+        self._step_hz = 2.0 * self._rate_hz / self._size
+        self._trials = math.ceil(params.uncertainty_hz / self._step_hz)
 
     def take(self, block: Spectrum, predicted_hz: float, density: float) -> list[Burst]:
         """Take a block; return the sequences that end in it. `density` is N0, 0: unknown."""
@@ -84,14 +84,11 @@ class PreambleDetector:
         self._kept = np.concatenate([self._kept, channel])
         found = []
         length, size = len(self._template), self._size
+        away_hz = predicted_hz - centre * layout.bin_hz
         while len(self._kept) >= size:
             start = end - len(self._kept) * per
             if density > 0.0:
-                found += self._strongest(
-                    self._look(
-                        self._kept[:size], start, predicted_hz - centre * layout.bin_hz, density
-                    )
-                )
+                found += self._strongest(self._look(self._kept[:size], start, away_hz, density))
             self._kept = self._kept[size - length :]
         return found
 
@@ -109,19 +106,27 @@ class PreambleDetector:
         self, series: ComplexArray, start: int, away_hz: float, density: float
     ) -> Burst | None:
         size, length = len(series), len(self._template)
-        mixed = scipy.fft.fft(series * np.exp(-2j * np.pi * away_hz * self._n_s) * self._turns)
-        mixed *= self._conjugate
-        peaks = np.abs(scipy.fft.ifft(mixed)[:, : size - length]) ** 2
-        row, at = map(int, np.unravel_index(int(np.argmax(peaks)), peaks.shape))
-        noise = density / self.seconds
-        top = float(peaks[row, at]) / self._energy**2
-        if top / noise < math.log(peaks.size / FALSE_SHARE):
+        turn = -2j * np.pi * away_hz / self._rate_hz
+        mixed = scipy.fft.fft(series * np.exp(turn * np.arange(size)))
+
+        def heights(trials: range) -> Array:
+            # Another frequency is the same transform, bins further on.
+            moved = np.stack([np.roll(mixed, -2 * trial) for trial in trials]) * self._conjugate
+            return np.asarray(np.abs(scipy.fft.ifft(moved)[:, : size - length]) / self._energy)
+
+        trials, best_of = range(-self._trials, self._trials + 1), []
+        for first in range(0, len(trials), AT_ONCE):
+            some = trials[first : first + AT_ONCE]
+            shown = heights(some)
+            row, at = divmod(int(np.argmax(shown)), size - length)
+            best_of.append((float(shown[row, at]), some[row], at))
+        middle, trial, at = max(best_of)
+        noise, top = density / self.seconds, middle**2
+        if top / noise < math.log(len(trials) * (size - length) / FALSE_SHARE):
             return None
         shift, best = 0.0, top
-        if 0 < row < len(self._trials_hz) - 1:
-            left, middle, right = (
-                math.sqrt(float(peaks[row + k, at])) / self._energy for k in (-1, 0, 1)
-            )
+        if abs(trial) < self._trials:
+            left, right = map(float, heights(range(trial - 1, trial + 2, 2))[:, at])
             curve = left - 2.0 * middle + right
             if curve < 0.0:
                 shift = 0.5 * (left - right) / curve
@@ -129,7 +134,5 @@ class PreambleDetector:
         power = best - noise
         sigma = math.sqrt(2.0 * power * noise + noise**2) / density
         per = self.layout.block // self.layout.width
-        offset_hz = float(self._trials_hz[row]) + shift * 0.5 / self.seconds
-        return Burst(
-            start + (int(at) + length) * per, offset_hz, power / density, sigma, self.seconds
-        )
+        offset_hz = (trial + shift) * self._step_hz
+        return Burst(start + (at + length) * per, offset_hz, power / density, sigma, self.seconds)

@@ -134,10 +134,9 @@ class RecordedCase:
     ) -> StationSetup:  # fmt: skip
         """Return the station of the recording, with changes, another satellite or wind."""
         # That of the recording: the one in the station's folder may be newer.
-        chosen = model or self.recorded.model
         return StationSetup(
-            self.description, self.band, changes=merged(self._given, over), model=chosen,
-            wind=wind or self._wind, truth=truth or self._truth,
+            self.description, self.band, changes=merged(self._given, over),
+            model=model or self.recorded.model, wind=wind or self._wind, truth=truth or self._truth,
         )  # fmt: skip
 
     def _track(self) -> TopocentricTrack:
