@@ -190,8 +190,8 @@ enter_environment() {
   interfaces="$how $(digest <(echo "$interfaces") $interfaces)"
   # What is built needs no compiler: a container has none.
   if [ $how = wheels ] && ! made interfaces "$interfaces"; then
-    need "command -v g++ && command -v make" g++ make
-    need "command -v cmake" cmake
+    need "command -v g++ && command -v make && command -v cmake &&
+      python3 -c 'import os, sysconfig; os.stat(sysconfig.get_path(\"include\") + \"/Python.h\")'" g++ make cmake python3-dev
   fi
   once interfaces "$interfaces" "building the interfaces (a minute, once)" build_interfaces
   once workspace "$how $(digest <(echo "$sources") "$ROOT"/setup.* "$ROOT/package.xml" "$STATE/interfaces")" \
