@@ -178,8 +178,9 @@ class Fit:
     def write_tdm(self, path: str | Path) -> None:
         """Write the good samples of the raw data as a CCSDS TDM; ValueError without raw data."""
         require_raw(self.data, path)
-        raw = [one.raw.turned(one.reference.mount.directions) for one in self.data.passes]
-        calibration.write_tdm(Path(path), raw, originator=self.version.software, created_t_s=self.version.created_t_s)
+        raw, own = [one.raw for one in self.data.passes], self.version
+        mount = self.data.passes[0].reference.mount
+        calibration.write_tdm(path, raw, originator=own.software, created_t_s=own.created_t_s, mount=mount)
 
 
 def require_raw(data: FitData, path: str | Path) -> None:

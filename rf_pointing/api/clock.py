@@ -57,6 +57,7 @@ class PassClock:
     axes_s: tuple[float, ...]
     periods_s: Mapping[str, float]
     hops: tuple[Latency, ...] = ()
+    axes: tuple[str, str] = AXES
 
     def __str__(self) -> str:
         size = f"{1e3 * self.ahead_s:+.1f} ±{1e3 * self.sigma_s:.1f} ms ahead"
@@ -97,7 +98,7 @@ class ClockCheck:
             if hop.median_ms is not None:
                 times = f"{hop.median_ms:.1f} ms, 99 % within {hop.p99_ms:.1f} ms"
                 yield f"{hop.cause} -> {hop.effect}: {times}"
-        late = zip(AXES, np.transpose([one.axes_s for one in self.passes]).tolist(), strict=True)
+        late = zip(self.passes[0].axes, np.transpose([one.axes_s for one in self.passes]).tolist(), strict=True)
         for axis, each in late:
             if np.any(np.isfinite(each)):
                 yield f"{axis} follows its commands after {1e3 * float(np.nanmedian(each)):.1f} ms"
@@ -167,7 +168,7 @@ def pass_clock(
         sigma_s=timed.sigma_s, elements_s=known[-1].along_track_s if known else 0.0,
         axes_s=_axes_s(case),
         periods_s={n: float(np.median(np.diff(t_s))) for n, t_s in times.items() if len(t_s) > 1},
-        hops=tuple(latencies(recorded.recording)),
+        hops=tuple(latencies(recorded.recording)), axes=recorded.recording.axes,
     )  # fmt: skip
     return clock, timed
 

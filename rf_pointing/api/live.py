@@ -22,7 +22,7 @@ from rf_pointing.api.service import make_desk
 from rf_pointing.api.station import Station
 from rf_pointing.api.target import Target
 from rf_pointing.api.tuning import tune
-from rf_pointing.core import MDEG, Sensor, id_of, utc_text
+from rf_pointing.core import MDEG, Sensor, id_of, mount_to_notes, utc_text
 from rf_pointing.ephemeris import Pass, tle_lines
 from rf_pointing.identification import Recording
 from rf_pointing.identification.study import study
@@ -346,7 +346,7 @@ def run_setup(program: str, request: RunRequest, output: Path, begin_s: float, a
     # Next to the bag lies all that the run was flown with: files of the user may change later.
     for node, values in request.said.items():
         parameters[node] = parameters.get(node, {}) | values
-    kind |= horizon_to_notes(station.controller.mask)
+    kind |= horizon_to_notes(station.controller.mask) | mount_to_notes(station.controller.kinematics)
     return RunSetup(
         program=program, namespace=request.namespace, nodes=nodes_of(request),
         simulated=station.simulated,

@@ -102,11 +102,14 @@ class Recording:
         missing = [name for name in ("station", "band") if not self.notes.get(name)]
         if missing:
             raise ValueError(f"export=tdm: the notes of {self.path} name no {' and no '.join(missing)}")
+        if (mount := self.data.mount) is None:
+            axes = " and ".join(self.data.axes)
+            raise ValueError(f"export=tdm: the notes of {self.path} name no mount, and its axes are {axes}")
         tracks = tracking_from_bag(
             self.path, self.notes["station"], self.notes["band"], namespace=self.namespace, allow_damage=True
         )
         path = folder / "tracking.tdm"
         path.parent.mkdir(parents=True, exist_ok=True)
         raw = [one for one, _ in tracks]
-        write_tdm(path, raw, originator=f"rf_pointing {__version__}", created_t_s=time.time())
+        write_tdm(path, raw, originator=f"rf_pointing {__version__}", created_t_s=time.time(), mount=mount)
         return [path]

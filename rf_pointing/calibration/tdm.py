@@ -1,10 +1,12 @@
 """CCSDS Tracking Data Message in KVN (503.0-B-2): angles, range and range rate of a station.
 
-ANGLE_TYPE must be AZEL, TIME_SYSTEM UTC, and the time tags those of reception.  The station is the
-last participant of PATH, the target the other one.  RANGE (km) and DOPPLER_INSTANTANEOUS (km/s) are
-read from one-way paths at the times of the angles and otherwise left out with a note: the angles of
-a two-way pass are as good, and implementations disagree on whether its range is halved.  Data of
-quality DEGRADED are not good.  Errors name the line.
+An X-Y mount writes the angles of its axes, XEYN (x to the east, y to the north) or XSYE (x to the
+south, y to the east), every other mount AZEL.  All three are read; RADEC is refused.  TIME_SYSTEM
+must be UTC, and the time tags those of reception.  The station is the last participant of PATH, the
+target the other one.  RANGE (km) and DOPPLER_INSTANTANEOUS (km/s) are read from one-way paths at
+the times of the angles and otherwise left out with a note: the angles of a two-way pass are as
+good, and implementations disagree on whether its range is halved.  Data of quality DEGRADED are not
+good.  Errors name the line.
 """
 
 import math
@@ -15,7 +17,16 @@ from pathlib import Path
 import numpy as np
 
 from rf_pointing.calibration.raw_tracking import RawTracking
-from rf_pointing.core import DATA_BYTES, from_utc_text, read_whole, to_utc_text, write_whole
+from rf_pointing.core import (
+    DATA_BYTES,
+    LEVEL,
+    Kinematics,
+    from_utc_text,
+    read_whole,
+    to_utc_text,
+    wrap_rad,
+    write_whole,
+)
 from rf_pointing.core.kvn import key_and_value
 
 
@@ -52,6 +63,12 @@ _NEXT_PLACE = {
     ("data", "DATA_STOP"): "between",
 }  # fmt: skip
 _HEADER = ("CCSDS_TDM_VERS", "CREATION_DATE", "ORIGINATOR", "MESSAGE_ID")
+# The X of a mount whose lower axis lies east and west is positive to the north.
+_X_Y = {
+    "XSYE": (Kinematics(type="x_y", lower_axis="east_west"), -1.0),
+    "XEYN": (Kinematics(type="x_y", lower_axis="north_south"), 1.0),
+}
+"""The X-Y mount of an angle type, and the sign of its X in a message."""
 _ONE_WAY = ("2,1", "1,2")
 _ANGLES = ("ANGLE_1", "ANGLE_2")
 _SCALE = {
@@ -68,7 +85,7 @@ class _Segment:
 
 
 def read_tdm(path: str | Path, *, band: str | None = None) -> list[RawTracking]:
-    """Return the tracking data of every segment; raises ValueError naming file and line.
+    """Return the tracking data of every segment on the sky; ValueError names file and line.
 
     `band` is that of segments that do not name the received band; None refuses them.
     """
@@ -81,11 +98,13 @@ def read_tdm(path: str | Path, *, band: str | None = None) -> list[RawTracking]:
 
 
 def write_tdm(
-    path: str | Path, tracks: Sequence[RawTracking], *, originator: str, created_t_s: float
-) -> None:
-    """Write one segment for each pass with good samples, and only those; `read_tdm` is the inverse.
+    path: str | Path, tracks: Sequence[RawTracking], *, originator: str, created_t_s: float,
+    mount: Kinematics = LEVEL,
+) -> None:  # fmt: skip
+    """Write one segment for each pass with good samples, and only those; undone by `read_tdm`.
 
-    Raises ValueError if no sample is good, and for names that are not ASCII.
+    The angles of `tracks` are those of the axes of `mount`.  Raises ValueError if no sample is
+    good, and for names that are not ASCII.
     """
     if not any(np.any(track.good) for track in tracks):
         raise ValueError(f"{path}: no good sample to write in {len(tracks)} passes")
@@ -94,13 +113,14 @@ def write_tdm(
         f"CREATION_DATE = {to_utc_text(created_t_s)}",
         f"ORIGINATOR = {originator}",
     ]
-    for track in (one for one in tracks if np.any(one.good)):
+    angle_type = next((name for name, (own, _) in _X_Y.items() if own.same_axes(mount)), "AZEL")
+    for track in (_as_sent(one, mount, angle_type) for one in tracks if np.any(one.good)):
         times = track.t_s[track.good]
         lines += [
             "", "META_START", "TIME_SYSTEM = UTC", f"START_TIME = {to_utc_text(float(times[0]))}",
             f"STOP_TIME = {to_utc_text(float(times[-1]))}", f"PARTICIPANT_1 = {track.station}",
             f"PARTICIPANT_2 = {track.target}", "MODE = SEQUENTIAL", "PATH = 2,1",
-            f"RECEIVE_BAND = {track.band}", "ANGLE_TYPE = AZEL", "RANGE_UNITS = km", "META_STOP",
+            f"RECEIVE_BAND = {track.band}", f"ANGLE_TYPE = {angle_type}", "RANGE_UNITS = km", "META_STOP",
             "", *_data_lines(track),
         ]  # fmt: skip
     text = "\n".join(lines) + "\n"
@@ -155,7 +175,7 @@ def _add_metadata(segment: _Segment, number: int, key: str, value: str) -> None:
         raise ValueError(f"line {number}: {key} is given twice")
     # TAI or TT taken for UTC is off by 37 or 69 s: degrees of a low pass.
     required = {
-        "TIME_SYSTEM": ("UTC",), "ANGLE_TYPE": ("AZEL",), "MODE": ("SEQUENTIAL",),
+        "TIME_SYSTEM": ("UTC",), "ANGLE_TYPE": ("AZEL", *_X_Y), "MODE": ("SEQUENTIAL",),
         "TIMETAG_REF": ("RECEIVE",), "DATA_QUALITY": ("RAW", "VALIDATED", "DEGRADED"),
     }  # fmt: skip
     if key in required and value not in required[key]:
@@ -201,7 +221,7 @@ def _tracking(segment: _Segment, band: str | None) -> RawTracking:
         for key, series in segment.values.items()
         if key not in left_out
     }
-    return RawTracking(
+    found = RawTracking(
         station=segment.metadata[f"PARTICIPANT_{station}"], band=_band(segment, band),
         target=segment.metadata[f"PARTICIPANT_{target}"], t_s=np.array(list(angles)),
         azimuth_rad=columns["ANGLE_1"], elevation_rad=columns["ANGLE_2"],
@@ -209,6 +229,10 @@ def _tracking(segment: _Segment, band: str | None) -> RawTracking:
         good=np.full(len(angles), segment.metadata.get("DATA_QUALITY") != "DEGRADED"),
         notes=tuple(f"{key}: {why}" for key, why in left_out.items()),
     )  # fmt: skip
+    if (axes := _X_Y.get(segment.metadata["ANGLE_TYPE"])) is None:
+        return found
+    mount, sign = axes
+    return found.turned(lambda x_rad, y_rad: mount.directions(sign * x_rad, y_rad))
 
 
 def _participants(segment: _Segment) -> tuple[str, str]:
@@ -281,10 +305,20 @@ def _correction(segment: _Segment, key: str) -> float:
     return value * _SCALE[key] if applied == "NO" else 0.0
 
 
-def _data_lines(track: RawTracking) -> list[str]:
+def _as_sent(track: RawTracking, mount: Kinematics, angle_type: str) -> RawTracking:
+    """Return samples of axes with the angles of a message."""
     # Joints count turns, messages do not: an azimuth of 370 deg is not allowed.
+    sky = track.turned(mount.directions)
+    if angle_type not in _X_Y:
+        return sky.turned(lambda azimuth, elevation: (np.mod(azimuth, 2.0 * np.pi), elevation))
+    sign = _X_Y[angle_type][1]
+    axes = sky.turned(mount.of_directions)
+    return axes.turned(lambda x_rad, y_rad: (wrap_rad(sign * x_rad), y_rad))
+
+
+def _data_lines(track: RawTracking) -> list[str]:
     keys = {
-        "ANGLE_1": (np.mod(track.azimuth_rad, 2.0 * np.pi), 9), "ANGLE_2": (track.elevation_rad, 9),
+        "ANGLE_1": (track.azimuth_rad, 9), "ANGLE_2": (track.elevation_rad, 9),
         "RANGE": (track.range_m, 9), "DOPPLER_INSTANTANEOUS": (track.range_rate_m_s, 12),
     }  # fmt: skip
     lines = ["DATA_START"]

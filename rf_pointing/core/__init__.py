@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from rf_pointing.core.dates import DAY_S, from_utc_text, parse_utc, to_utc_text, utc_text
     from rf_pointing.core.derived import BandNumbers, Rows, Value, rounded, tuned
     from rf_pointing.core.hermite import Motion, Quintic
-    from rf_pointing.core.kinematics import LEVEL, UP, Kinematics
+    from rf_pointing.core.kinematics import LEVEL, UP, Kinematics, mount_from_notes, mount_to_notes
     from rf_pointing.core.modes import Mode, Sensor
     from rf_pointing.core.mount_types import AZIMUTH_ELEVATION, axes_among
     from rf_pointing.core.parameters import (

@@ -14,9 +14,10 @@ The X-Y mount is that of Rolinski, Carlson and Coates, The X-Y antenna mount for
 from satellites, IRE Trans. SET-8 (1962) 159.
 """
 
+import json
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from typing import NamedTuple, Self
 
@@ -24,7 +25,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from rf_pointing.core.angles import azel_from_unit_vector, unit_vector_from_azel
-from rf_pointing.core.mount_types import AZIMUTH_ELEVATION, LOWER_AXES, MOUNTS
+from rf_pointing.core.mount_types import AZIMUTH_ELEVATION, LOWER_AXES, MOUNTS, axes_among
 from rf_pointing.core.parameters import Params, parameter
 from rf_pointing.core.signals import Target
 from rf_pointing.core.types import Array, Pair
@@ -35,6 +36,8 @@ EAST, NORTH, UP = range(3)
 POLAR_RAD = math.radians(89.9)
 # Difference of two verticals that are the same: 0.06 deg of latitude.
 LIKE_UP = 1e-3
+MOUNT_NOTE = "mount"
+"""What a recording keeps of a mount that is not level: its numbers as JSON."""
 
 
 class Turn(NamedTuple):
@@ -241,6 +244,25 @@ class Kinematics(Params):
 
 LEVEL = Kinematics()
 """Elevation over azimuth."""
+
+
+def mount_of_joints(joints: Sequence[str]) -> Kinematics:
+    """Return a mount of the type whose axes are among these, for the names of its axes."""
+    axes = axes_among(joints)
+    return next(Kinematics(type=kind) for kind, each in MOUNTS.items() if each.axes == axes)
+
+
+def mount_to_notes(mount: Kinematics) -> dict[str, str]:
+    """Return what a recording keeps of a mount: nothing of azimuth and elevation."""
+    return {} if mount.level else {MOUNT_NOTE: json.dumps(asdict(mount))}
+
+
+def mount_from_notes(notes: Mapping[str, str]) -> Kinematics | None:
+    """Return the mount of a recording; None for one that is level, or with a damaged note."""
+    try:
+        return Kinematics.from_mapping(json.loads(notes[MOUNT_NOTE]))
+    except (KeyError, ValueError, TypeError, AttributeError):
+        return None
 
 
 def _tangents(first: ArrayLike, second: ArrayLike) -> Array:

@@ -127,7 +127,7 @@ class OperatorPage(ManagedNode):
 
     def _show(self, view: AntennaView, server: PageServer) -> None:
         live, board = view.take(), view.board
-        families = board_metrics(live, board.age_s, board.kept, board.nodes)
+        families = board_metrics(live, board.age_s, board.kept, board.nodes, board.axes)
         if view.path:
             self._metrics[view.namespace] = families
             self._lines[view.namespace] = view.line(live)

@@ -14,6 +14,7 @@ the time P between two readings:
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from rf_pointing.core import AXES, Pair
@@ -56,10 +57,10 @@ class _Axis:
 
 
 class PositionWatch:
-    """Both axes; `step` at every new reading."""
+    """Both axes, of these names; `step` at every new reading."""
 
-    def __init__(self, limits: PositionLimits) -> None:
-        self.limits = limits
+    def __init__(self, limits: PositionLimits, names: Sequence[str] = AXES) -> None:
+        self.limits, self._names = limits, names
         self.reset()
 
     def reset(self) -> None:
@@ -82,7 +83,7 @@ class PositionWatch:
         measured within +-`within_s` of `t_s`.
         """
         used, found = [], []
-        for index, name in enumerate(AXES):
+        for index, name in enumerate(self._names):
             angle, reason = self._check(index, t_s, position_rad[index], set_point_rad[index], latency_s, within_s)
             used.append(angle)
             if reason:

@@ -66,10 +66,10 @@ class _Axis:
 
 
 class AxisWatch:
-    """Both axes; `step` once a tick, in plain floats."""
+    """Both axes, of these names; `step` once a tick, in plain floats."""
 
-    def __init__(self, params: AxisWatchParams, tick_s: float) -> None:
-        self.params, self._tick_s = params, tick_s
+    def __init__(self, params: AxisWatchParams, tick_s: float, names: Sequence[str] = AXES) -> None:
+        self.params, self._tick_s, self._names = params, tick_s, names
         # The window holds at least one difference.
         self._samples = max(2, round(params.window_s / tick_s) + 1)
         self.reset()
@@ -90,14 +90,16 @@ class AxisWatch:
         elevation, other = self._angle(second, encoder_rad[1], rate_rad_s[1], passed_s)
         self.reason = ""
         if reason or other:
-            self.reason = "; ".join(f"{name} {text}" for name, text in zip(AXES, (reason, other), strict=True) if text)
+            self.reason = "; ".join(
+                f"{name} {text}" for name, text in zip(self._names, (reason, other), strict=True) if text
+            )
         return (azimuth, elevation), self.reason
 
     @property
     def cause(self) -> str:
         """Fault that the last window alone still shows, "" once the sensors agree again."""
         found = []
-        for name, axis in zip(AXES, self._axes, strict=True):
+        for name, axis in zip(self._names, self._axes, strict=True):
             shown = list(axis.shown)
             drift = (shown[-1][0] - shown[0][0]) - (shown[-1][1] - shown[0][1]) if shown else 0.0
             if not all(math.isfinite(encoder) for encoder, _ in shown):
@@ -194,10 +196,10 @@ class _Drive:
 
 
 class DriveWatch:
-    """Both drives; `step` once a tick, in plain floats."""
+    """Both drives, of axes of these names; `step` once a tick, in plain floats."""
 
-    def __init__(self, params: DriveWatchParams, tick_s: float) -> None:
-        self.params, self._tick_s = params, tick_s
+    def __init__(self, params: DriveWatchParams, tick_s: float, names: Sequence[str] = AXES) -> None:
+        self.params, self._tick_s, self._names = params, tick_s, names
         self._bandwidth = 2.0 * math.pi * params.bandwidth_hz
         self._jump = JUMP * params.acceleration_limit_rad_s2 * tick_s
         self._linear = params.acceleration_limit_rad_s2 / self._bandwidth
@@ -224,7 +226,7 @@ class DriveWatch:
         sample, so that only the commands are noted.
         """
         found, passed_s = [], self._tick_s if passed_s is None else passed_s
-        for name, drive, rate, command in zip(AXES, self._drives, rate_rad_s, command_rad_s, strict=True):
+        for name, drive, rate, command in zip(self._names, self._drives, rate_rad_s, command_rad_s, strict=True):
             drive.commands.append(command)
             if not math.isfinite(rate):
                 found.append(f"{name} tachometer reads {rate}, must be a number")

@@ -14,7 +14,7 @@ from.
 import csv
 import io
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import astuple, dataclass, fields
 from functools import cache
 from pathlib import Path
@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.core import AXES, require_choice, write_whole
+from rf_pointing.core import require_choice, write_whole
 from rf_pointing.report.recording import Pass, Recording
 from rf_pointing.report.topics import TOPICS, TopicData
 
@@ -144,25 +144,25 @@ def _columns(recording: Recording, topic: str) -> tuple[Columns, list[ColumnMean
     if data is None:
         raise ValueError(f"{recording.path} has no message of {topic}; it has {', '.join(exported_topics(recording))}")
     own = topic == "passes"
-    values = _passes(recording) if own else _times(recording, data) | _values(data, topic)
+    values = _passes(recording) if own else _times(recording, data) | _values(data, topic, recording.axes)
     rows = []
     for name in values:
-        field_name, unit, meaning = _meaning(topic, name)
+        field_name, unit, meaning = _meaning(topic, name, recording.axes)
         source = f"{data.topic}: {field_name}" if field_name else data.topic
         rows.append(ColumnMeaning(_file_name(topic), name, unit, meaning, source, data.type_name))
     return values, rows
 
 
-def _meaning(topic: str, column: str) -> tuple[str, str, str]:
+def _meaning(topic: str, column: str, axes: Sequence[str]) -> tuple[str, str, str]:
     """Return the field of the message, the unit and the meaning of an exported column."""
     if column in _HEAD:
         return {"stamp_ns": "header.stamp"}.get(column, ""), *_HEAD[column]
     for name, (unit, meaning) in meanings()[topic].items():
         if column == f"{name}{SUFFIXES[unit]}":
             return name, unit, meaning
-        for axis in AXES:
+        for index, axis in enumerate(axes):
             if column == f"{name}_{axis}{SUFFIXES[unit]}":
-                return f"{name}[{AXES.index(axis)}]", unit, f"{meaning}, {axis}"
+                return f"{name}[{index}]", unit, f"{meaning}, {axis}"
     raise ValueError(f"column {column} of {topic} has no meaning in the data dictionary")
 
 
@@ -176,15 +176,15 @@ def _times(recording: Recording, data: TopicData) -> Columns:
     return {"stamp_ns": stamps, "log_time_ns": data.log_time_ns, "t_s": since * 1e-9}
 
 
-def _values(data: TopicData, topic: str) -> Columns:
+def _values(data: TopicData, topic: str, axes: Sequence[str]) -> Columns:
     found: Columns = {}
     for name, (unit, _) in meanings()[topic].items():
         if name not in data.columns:
             continue
         values, suffix = data.columns[name], SUFFIXES[unit]
         # Older recordings lack a field; its blank is a scalar for pairs, too.
-        if values.ndim == 2 and values.shape[1] == len(AXES):
-            found |= {f"{name}_{axis}{suffix}": values[:, index] for index, axis in enumerate(AXES)}
+        if values.ndim == 2 and values.shape[1] == len(axes):
+            found |= {f"{name}_{axis}{suffix}": values[:, index] for index, axis in enumerate(axes)}
         else:
             found[f"{name}{suffix}"] = values
     return found

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rf_pointing.core import AXES, MDEG, Array, Mode, Pair
+from rf_pointing.core import MDEG, Array, Mode, Pair
 from rf_pointing.core.pass_outcome import SIDELOBE_DB, pointing_loss_db, received_power
 from rf_pointing.planning.horizon import horizon_from_notes
 from rf_pointing.report import picture_style as style
@@ -191,11 +191,11 @@ def draw_sky(analysis: Analysis, path: Path) -> None:
 
 def _draw_actual(axes: Any, analysis: Analysis) -> None:
     recording = analysis.recording
-    beam, joints = recording.get("sim/boresight"), recording.get("joint_states")
+    beam, joints, mount = recording.get("sim/boresight"), recording.get("joint_states"), recording.mount
     if beam is not None and beam.stamp_ns is not None:
         stamp_ns, azimuth, elevation = beam.stamp_ns, beam["azimuth"], beam["elevation"]
-    elif joints is not None and joints.stamp_ns is not None:
-        stamp_ns, (azimuth, elevation) = joints.stamp_ns, joints["position"].T
+    elif joints is not None and joints.stamp_ns is not None and mount is not None:
+        stamp_ns, (azimuth, elevation) = joints.stamp_ns, mount.directions(*joints["position"].T)
     else:
         return
     step = max(1, len(stamp_ns) // _SKY_POINTS)
@@ -243,7 +243,9 @@ def draw_axes(analysis: Analysis, path: Path) -> None:
             (above, motion.stamp_ns, motion.rate_rad_s, "rate_limit"),
             (below, motion.acceleration_stamp_ns, motion.acceleration_rad_s2, "acceleration_limit"),
         ):
-            for name, colour, each in zip(AXES, style.AXIS_COLOURS, np.degrees(values).T, strict=True):
+            for name, colour, each in zip(
+                analysis.recording.axes, style.AXIS_COLOURS, np.degrees(values).T, strict=True
+            ):
                 axes.plot(time.minutes(stamps), each, color=colour, lw=1.0, label=name)
             limits = np.unique(np.round(np.degrees(antenna[column][-1]), 9)) if antenna is not None else np.zeros(0)
             for level in (sign * limit for limit in limits for sign in (-1.0, 1.0)):

@@ -24,6 +24,7 @@ from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, TypesysError, get_typestore
 from rosbags.typesys.store import Typestore
 
+from rf_pointing.core import AXES, LEVEL, Kinematics, axes_among, mount_from_notes
 from rf_pointing.report.bag_source import READ_ERRORS, BagSource, open_bag
 from rf_pointing.report.bag_writer import LOST_NOTE, PROBLEM_NOTE, TopicLoss
 from rf_pointing.report.mcap_tail import publish_times
@@ -52,6 +53,7 @@ class _Rows:
         self.logs: list[int] = []
         self.heads: list[tuple[int, ...]] = []
         self.rows: list[tuple[Any, ...]] = []
+        self.labels: tuple[str, ...] = ()
         self.unreadable = 0
         self.first_error = ""
 
@@ -60,7 +62,9 @@ class _Rows:
         try:
             # A topic without columns (clock, commands) is not decoded: only its stamps are used.
             head = self.head(raw)
-            row = layout.row(self.typestore.deserialize_cdr(raw, layout.type_name)) if layout.columns else ()
+            message = self.typestore.deserialize_cdr(raw, layout.type_name) if layout.columns else None
+            row = layout.row(message) if layout.columns else ()
+            self.labels = self.labels or layout.labels(message)
         except _DECODE_ERRORS as error:
             # One damaged message must not cost the report; the first error is enough for the user.
             self.unreadable += 1
@@ -90,7 +94,7 @@ class _Rows:
             topic=self.topic, type_name=self.layout.type_name, log_time_ns=logs,
             stamp_ns=heads[:, 0] if self.head_length > 0 else None,
             sequence=heads[:, 1] if self.head_length > 1 else None,
-            columns={name: as_column(column) for name, column in zip(names, values, strict=True)},
+            columns={name: as_column(column) for name, column in zip(names, values, strict=True)}, labels=self.labels,
         )  # fmt: skip
 
 
@@ -252,6 +256,17 @@ class Recording:
     notes: dict[str, str]
     not_recorded: tuple[TopicLoss, ...]
     problems: tuple[str, ...]
+
+    @property
+    def axes(self) -> tuple[str, str]:
+        """Names of the lower and the upper axis: those of the joints."""
+        joints = self.get("joint_states")
+        return AXES if joints is None else axes_among(joints.labels)
+
+    @property
+    def mount(self) -> Kinematics | None:
+        """The mount; None for other axes than azimuth and elevation without a note of the mount."""
+        return mount_from_notes(self.notes) or (LEVEL if self.axes == AXES else None)
 
     def get(self, name: str) -> TopicData | None:
         """Return topic `name`, None if the recording has no message of it."""

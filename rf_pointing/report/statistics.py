@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from rf_pointing.core import AXES, MDEG, Array, IntArray, Sensor, utc_text
+from rf_pointing.core import MDEG, Array, IntArray, Sensor, utc_text
+from rf_pointing.core.kinematics import MOUNT_NOTE
 from rf_pointing.planning.horizon import HORIZON_NOTE
 from rf_pointing.report import summary as table
 from rf_pointing.report.analysis import Analysis, ErrorSeries, Interval, Timeline, statistics_of, tracking_modes
@@ -67,7 +68,7 @@ def _bag(recording: Recording) -> table.BagInfo:
         simulated_s=simulated, wall_s=wall,
         speed=simulated / wall if simulated is not None and wall else None,
         message_count=sum(len(data) for data in filled) + sum(recording.others.values()),
-        notes={name: text for name, text in recording.notes.items() if name != HORIZON_NOTE},
+        notes={name: text for name, text in recording.notes.items() if name not in (HORIZON_NOTE, MOUNT_NOTE)},
     )  # fmt: skip
 
 
@@ -198,7 +199,7 @@ def servo(recording: Recording) -> table.Servo:
         tick_lateness_p99_ms=reduced(percentile_99, lateness), faults=list(faults),
         tick_lateness_max_ms=reduced(np.max, lateness),
         period_deviation_p99_ms=reduced(percentile_99, deviation),
-        axes=[_axis(recording, index) for index in range(len(AXES))], **moves,
+        axes=[_axis(recording, index) for index in range(2)], **moves,
     )  # fmt: skip
 
 
@@ -214,7 +215,7 @@ def _axis(recording: Recording, index: int) -> table.AxisLimits:
         if antenna.stamp_ns is not None and len(antenna) > 1:
             at_limit_s = float(np.sum(antenna["at_limit"][:, index]) * np.median(np.diff(antenna.stamp_ns)) * 1e-9)
     peaks = [reduced(np.max, np.degrees(np.abs(each))) for each in (rate, acceleration)]
-    return table.AxisLimits(AXES[index], peaks[0], rate_limit, peaks[1], acceleration_limit, at_limit_s)
+    return table.AxisLimits(recording.axes[index], peaks[0], rate_limit, peaks[1], acceleration_limit, at_limit_s)
 
 
 def _texts(data: TopicData | None, column: str) -> str:

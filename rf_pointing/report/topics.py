@@ -33,7 +33,10 @@ def wire_name(name: str) -> str:
 
 @dataclass(frozen=True)
 class TopicData:
-    """Messages (n,) of a topic in order of reception; None for what its type does not have."""
+    """Messages (n,) of a topic in order of reception; None for what its type does not have.
+
+    `labels` are those of the pairs in its columns, where its messages name them.
+    """
 
     topic: str
     type_name: str
@@ -41,6 +44,7 @@ class TopicData:
     stamp_ns: IntArray | None
     sequence: IntArray | None
     columns: dict[str, NDArray[Any]]
+    labels: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         return len(self.log_time_ns)
@@ -121,12 +125,16 @@ Row = tuple[Any, ...]
 
 @dataclass(frozen=True)
 class TopicLayout:
-    """Type of one topic, how a message becomes a row of `columns`, and whether it has a period."""
+    """Type of one topic, how a message becomes a row of `columns`, and whether it has a period.
+
+    `labels` gives those of the pairs in the columns, from one message.
+    """
 
     type_name: str
     columns: tuple[str, ...]
     row: Callable[[Any], Any]
     periodic: bool = True
+    labels: Callable[[Any], tuple[str, ...]] = lambda _: ()
 
 
 def own_layout(name: str, *columns: str, periodic: bool = True, added: dict[str, Any] | None = None) -> TopicLayout:
@@ -179,7 +187,8 @@ TOPICS: dict[str, TopicLayout] = {
         ("target", "aos", "los", "accepted", "lost", "late", "acquisition", "mean_loss", "least_share"),
         _certificate_row, periodic=False,
     ),
-    "joint_states": TopicLayout("sensor_msgs/msg/JointState", ("position", "velocity"), _joint_row),
+    "joint_states": TopicLayout("sensor_msgs/msg/JointState", ("position", "velocity"), _joint_row,
+                                 labels=lambda message: axes_among(message.name)),
     "antenna_status": own_layout(
         "AntennaStatus", "mode", "fault", "rate_command", "rate_limit", "acceleration_limit", "at_limit",
         "command_lead", "tick_lateness", "commands_accepted", "commands_rejected", "last_rejection",

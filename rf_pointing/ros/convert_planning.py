@@ -7,7 +7,7 @@ import numpy as np
 from rf_pointing_msgs import msg as ours
 from rf_pointing_msgs.action import Scan, TrackPass
 
-from rf_pointing.core import require_finite
+from rf_pointing.core import LEVEL, Kinematics, require_finite
 from rf_pointing.ephemeris import Pass, SunPermit
 from rf_pointing.operations.schedule import MOST_PASSES, Entry, ScheduledPass, require_each_once
 from rf_pointing.planning import Branch, Certificate, MachineParams, PassProfile
@@ -130,13 +130,14 @@ def certificate_to_message(certificate: Certificate) -> ours.PassCertificate:
     return message
 
 
-def certificate_from_message(message: ours.PassCertificate) -> Certificate:
-    """Return the certificate without its crossings, which do not travel."""
+def certificate_from_message(message: ours.PassCertificate, mount: Kinematics = LEVEL) -> Certificate:
+    """Return the certificate of a `mount` without its crossings, which do not travel."""
     if not message.branches:
         raise ValueError("a certificate has no branch, must have >= 1")
     return _certificate_from_message(
         message,
         issued_t_s=seconds_from_stamp(message.header.stamp),
+        mount=mount,
         branches=tuple(_branch_from_message(branch) for branch in message.branches),
         machine=MachineParams(
             rate_limit_rad_s=tuple(message.rate_limit.tolist()),

@@ -109,7 +109,8 @@ class LivePass:
             CERTIFICATE_S,
         )
         if self._certificate is not None:
-            for line in certificate_lines(convert_planning.certificate_from_message(self._certificate)):
+            found = convert_planning.certificate_from_message(self._certificate, self._run.mount)
+            for line in certificate_lines(found):
                 print(line, file=sys.stderr)
         return handle
 

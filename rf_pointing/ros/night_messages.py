@@ -48,8 +48,7 @@ def hear_station(node: ManagedNode, alarms: StationAlarms) -> None:
         until_t_s = seconds_from_stamp(message.sun_permit_until)
         take("antenna", message, moving=moving, sun_permit_until_t_s=until_t_s)
         if (reading := joints.take()) is not None:
-            azimuth, elevation = map(float, reading.position_rad)
-            alarms.take("antenna", {"azimuth": azimuth, "elevation": elevation}, reading.t_s)
+            alarms.take_place(tuple(reading.position_rad.tolist()), reading.t_s)
 
     def on_diagnostics(message: DiagnosticArray) -> None:
         for status in message.status:

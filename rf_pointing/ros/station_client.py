@@ -27,9 +27,11 @@ from rclpy.parameter import Parameter, parameter_value_to_python
 from rf_pointing_msgs.action import RunSchedule, TrackPass
 from rf_pointing_msgs.msg import AntennaStatus, ExecutiveStatus, PassList, Schedule, TrackingStatus
 from rf_pointing_msgs.srv import ChangeSchedule, GoTo, Jog, Named, PermitSun, SelectTarget
+from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
-from rf_pointing.core import JOURNAL_BYTES, leaves, read_whole, utc_text
+from rf_pointing.core import JOURNAL_BYTES, Kinematics, leaves, read_whole, utc_text
+from rf_pointing.core.kinematics import mount_of_joints
 from rf_pointing.ephemeris.target_offsets import TargetOffsets
 from rf_pointing.operations.pass_list import read_passes
 from rf_pointing.ros.command_key import CommandKey, CommandKeyParams
@@ -39,7 +41,7 @@ from rf_pointing.ros.graph import ALARMS, EXECUTIVE, EXECUTIVE_STATUS, SCHEDULE
 from rf_pointing.ros.leased_services import LEASED, OWNER, Caller
 from rf_pointing.ros.live_pass import LiveLine, LivePass, outcome_line
 from rf_pointing.ros.managed_graph import TAKEN_UP_S, NotStartedError
-from rf_pointing.ros.qos import LATCHED, STATUS
+from rf_pointing.ros.qos import LATCHED, STATUS, WATCHED
 from rf_pointing.ros.recorder import Recorder
 from rf_pointing.ros.stamps import stamp_from_seconds
 from rf_pointing.ros.station_run import FOLLOW_S, GraphRun
@@ -80,6 +82,7 @@ TOPICS = {
     "antenna_status": (AntennaStatus, STATUS),
     # Volatile publishers do not match a request for kept messages.
     "tracking_status": (TrackingStatus, 10),
+    "joint_states": (JointState, WATCHED),
 }
 
 
@@ -102,6 +105,11 @@ class StationClient(GraphRun):
             super().until(condition, what)
         except TimeoutError as error:
             raise TimeoutError(f"{error} in {self.place}") from error
+
+    @property
+    def mount(self) -> Kinematics:
+        """A mount with the joints of the antenna."""
+        return mount_of_joints(self.newest["joint_states"].name if "joint_states" in self.newest else ())
 
     # What it shows
 
@@ -127,13 +135,15 @@ class StationClient(GraphRun):
         self._hear_of_target()
         # A line a second and a script wait for no diagnostics.
         more = () if watch or as_json else (TARGET_CHECK,)
-        self._look("antenna_status", "tracking_status", EXECUTIVE_STATUS, *more)
+        self._look("antenna_status", "tracking_status", EXECUTIVE_STATUS, "joint_states", *more)
         if "antenna_status" not in self.newest:
             raise TimeoutError(f"no antenna in {self.place}")
         while True:
             tracking = self.newest.get("tracking_status", TrackingStatus())
             executive = self.newest.get(EXECUTIVE_STATUS, ExecutiveStatus(state="none"))
             values = status_values(self.newest["antenna_status"], tracking, executive)
+            if not self.mount.level:
+                values["axes"] = self.mount.axes
             values["learned"] = self.newest.get(TARGET_CHECK, {}).get("learned", "")
             if executive.state == "none" and (own := self.newest.get(ALARM_CHECK)):
                 values["alarms"] = [{"name": "station_alarms", **own, "acknowledged": False}]

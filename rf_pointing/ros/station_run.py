@@ -18,6 +18,7 @@ from lifecycle_msgs.srv import GetState
 from rclpy.action import ActionClient
 from std_srvs.srv import Trigger
 
+from rf_pointing.core import LEVEL, Kinematics, mount_from_notes
 from rf_pointing.ros.graph import NODES, TOPICS, topics_of
 from rf_pointing.ros.main_loop import log_as_chosen, make_executor, ros_domain, settle_garbage
 from rf_pointing.ros.managed_graph import ONE_LOG, ManagedGraph, NotStartedError, Waiting
@@ -86,6 +87,11 @@ class GraphRun:
         """NotStartedError if a process that the run has started has ended."""
         if self.graph is not None:
             self.graph.check()
+
+    @property
+    def mount(self) -> Kinematics:
+        """The mount, as far as is known of it; its axes have the names of the joints."""
+        return LEVEL
 
     def until(self, condition: Callable[[], Any], what: str) -> None:
         """Wait for `condition`; NotStartedError when the user stops the run."""
@@ -173,6 +179,11 @@ class StationRun(GraphRun):
         topics = TOPICS if setup.simulated else topics_of(setup.nodes)
         given = setup.bag, topics, setup.notes, setup.simulated
         self._recorder = Recorder(self.node, setup.namespace, *given)
+
+    @property
+    def mount(self) -> Kinematics:
+        """The mount of the station."""
+        return mount_from_notes(self._setup.notes) or LEVEL
 
     def spin(self, timeout_s: float) -> None:
         """Handle one event, or wait for one; InterruptedRunError if stopped before time runs."""

@@ -174,8 +174,10 @@ def status_text(values: dict[str, Any]) -> str:
     name = values["pass_target"] or values["pass"]
     parts = " ".join(filter(None, [name, "; ".join(values["blocks"])])), values["doing"]
     doing = "; ".join(filter(None, parts)) or "nothing"
+    first, second = (each.replace("_", " ") for each in values.get("axes", ("az", "el")))
+    axes = f"{first} {values['azimuth_deg']:.2f} {second} {values['elevation_deg']:.2f} deg"
     lines = [
-        f"{values['utc'][:19]}  antenna {values['antenna']} az {values['azimuth_deg']:.2f} el {values['elevation_deg']:.2f} deg"
+        f"{values['utc'][:19]}  antenna {values['antenna']} {axes}"
         f"  {values['tracking'] or 'no controller'} {values['target']}  executive {values['executive']}: {doing}"
     ]
     named = ("fault", "warning", "sun_permitted", "learned")

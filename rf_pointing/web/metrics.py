@@ -55,12 +55,14 @@ def exposition(families: Iterable[Family]) -> str:
 
 
 def board_metrics(
-    live: Mapping[str, Any], age_s: Mapping[str, float], kept: Mapping[str, Any], nodes: Sequence[Mapping[str, Any]]
+    live: Mapping[str, Any], age_s: Mapping[str, float], kept: Mapping[str, Any], nodes: Sequence[Mapping[str, Any]],
+    axes: Sequence[str] = AXES,
 ) -> list[Family]:  # fmt: skip
     """Return the families of a station.
 
     Parameters
     ----------
+    axes : names of the lower and the upper axis.
     live, kept, nodes : sections of the page (`station/clients/board.py`).
     age_s : age of the newest message of antenna, tracking, target and executive, in s.
     """
@@ -74,7 +76,7 @@ def board_metrics(
         }),
     ]  # fmt: skip
     if "antenna" in fresh:
-        families += _antenna(live)
+        families += _antenna(live, axes)
     if "tracking" in fresh:
         families += _tracking(live)
     if "target" in fresh:
@@ -135,7 +137,7 @@ def page_metrics(viewers: int, commands: int, refused: int) -> list[Family]:
     ]
 
 
-def _antenna(live: Mapping[str, Any]) -> list[Family]:
+def _antenna(live: Mapping[str, Any], axes: Sequence[str]) -> list[Family]:
     commanded = [live.get(f"{axis}_deg", math.nan) for axis in AXES]
     encoders = live.get("encoder_deg") or (math.nan, math.nan)
     errors = [there - here for there, here in zip(commanded, encoders, strict=True)]
@@ -163,7 +165,7 @@ def _antenna(live: Mapping[str, Any]) -> list[Family]:
     )
     return [
         *(
-            _gauge(name, unit, words, "axis", dict(zip(AXES, values, strict=False)))
+            _gauge(name, unit, words, "axis", dict(zip(axes, values, strict=False)))
             for name, unit, words, values in rows
         ),
         _states("antenna_mode", "Mode of the antenna.", AntennaMode, live.get("antenna", "")),

@@ -9,7 +9,10 @@ import pytest
 
 import rf_pointing as rp
 from rf_pointing.api import recording as module
+from rf_pointing.calibration import read_tdm
+from rf_pointing.core import Kinematics, mount_to_notes
 from rf_pointing.report.definitions import Definitions, definitions
+from rf_pointing.report.tracking_from_bag import tracking_from_bag
 from test.report.conftest import MSG_DEFS, SyntheticRun
 
 
@@ -58,6 +61,17 @@ def test_tracked_angles_need_station_and_band(tmp_path: Path, types: Definitions
     SyntheticRun(seconds=12.0).write(tmp_path / "bag", types, {"station": "DSS-13"})
     with pytest.raises(ValueError, match="name no band"):
         rp.Recording(tmp_path / "bag").export("tdm")
+
+
+def test_tracked_angles_are_of_the_type_of_the_mount(tmp_path: Path, types: Definitions) -> None:
+    known = {"station": "A", "band": "X"}
+    for mount, kind in ((Kinematics(type="x_y"), "XSYE"), (Kinematics(type="ha_dec", latitude_rad=0.6), "AZEL")):
+        SyntheticRun(seconds=12.0).write(tmp_path / mount.type, types, known | mount_to_notes(mount))
+        (file,) = rp.Recording(tmp_path / mount.type).export("tdm", tmp_path / kind)
+        assert f"ANGLE_TYPE = {kind}" in file.read_text()
+        (raw,), (own,) = read_tdm(file), tracking_from_bag(tmp_path / mount.type, "A", "X")
+        sky = mount.directions(own[0].azimuth_rad, own[0].elevation_rad)
+        np.testing.assert_allclose([raw.azimuth_rad, raw.elevation_rad], sky, atol=1e-9)
 
 
 def test_pages_of_other_packages_are_written_with_the_report(

@@ -4,7 +4,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rf_pointing.calibration import read_tdm, write_tdm
+from rf_pointing.calibration import RawTracking, read_tdm, write_tdm
+from rf_pointing.core import Kinematics, wrap_rad
 
 ROUNDING_RAD = 1e-11
 
@@ -239,3 +240,26 @@ def test_a_correction_is_marked_as_applied_or_not(lines, tmp_path):
     text = "\n".join(lines).replace("META_STOP", "CORRECTION_RANGE = 1.5\nCORRECTIONS_APPLIED = MAYBE\nMETA_STOP", 1)
     with pytest.raises(ValueError, match="line 5: CORRECTION_RANGE needs CORRECTIONS_APPLIED = YES or NO"):
         read_changed(tmp_path, text.splitlines())
+
+
+@pytest.mark.parametrize(
+    ("kind", "lower_axis", "angles_deg"),
+    [("XEYN", "north_south", [(30.0, 0.0), (0.0, 30.0)]), ("XSYE", "east_west", [(0.0, 30.0), (-30.0, 0.0)])],
+)
+def test_an_x_y_mount_writes_the_angles_of_its_axes(tmp_path, kind, lower_axis, angles_deg):
+    """30 deg off the zenith to the east, then to the north, by the words of CCSDS 503.0-B-2."""
+    mount = Kinematics(type="x_y", lower_axis=lower_axis)
+    sky = np.radians([90.0, 0.0]), np.radians([60.0, 60.0])
+    first, second = mount.of_directions(*sky)
+    raw = RawTracking(
+        station="gs1", band="S", target="bird", t_s=np.array([1e9, 1e9 + 1.0]), azimuth_rad=first + 4.0 * np.pi,
+        elevation_rad=second, range_m=None, range_rate_m_s=None, good=np.ones(2, dtype=bool),
+    )  # fmt: skip
+    write_tdm(tmp_path / "a.tdm", [raw], originator="test", created_t_s=1.7e9, mount=mount)
+    text = (tmp_path / "a.tdm").read_text()
+    assert f"ANGLE_TYPE = {kind}" in text
+    found = [float(value) for value in re.findall(r"ANGLE_. = \S+ (\S+)", text)]
+    assert found == pytest.approx(np.ravel(angles_deg), abs=1e-9)
+    (back,) = read_tdm(tmp_path / "a.tdm")
+    assert np.abs(wrap_rad(back.azimuth_rad - sky[0])) == pytest.approx(0.0, abs=ROUNDING_RAD)
+    assert back.elevation_rad == pytest.approx(sky[1], abs=ROUNDING_RAD)

@@ -10,6 +10,7 @@ from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
+from rf_pointing.core import AXES
 from rf_pointing.core.pass_outcome import LOSS_OF_SIGNAL
 from rf_pointing.operations import AlarmParams, BetweenParams, read_procedure
 from rf_pointing.operations.dictionary import read_tables
@@ -18,6 +19,7 @@ from rf_pointing.operations.night import Night, NightState
 from rf_pointing.operations.pass_work import filler_text, fillers_of
 from rf_pointing.operations.recovery import read_table
 from rf_pointing.operations.schedule import OPEN, PassState, Schedule, ScheduledPass
+from rf_pointing.station.clients.station_alarms import TRIED_RAD, place_values
 from test.operations.test_schedule import LIMITS, PARK, RATES, a_pass
 
 STEP_S = 1.0
@@ -138,10 +140,11 @@ class Station:
         answers, self._answers = self._answers, []
         for number, error in answers:
             self.night.respond(number, not error, error, self.now_s, self.names.get(number, ""))
-        place = {} if self.drive else {"azimuth": self.place[0], "elevation": self.place[1]}
+        place = {} if self.drive else place_values(self.place, TRIED_RAD)["antenna"]
         for device, values in {
             "drive": {"problem": self.drive},
             "antenna": {"mode": self.mode, "fault": self.fault, "high_wind": self.wind, "moving": False, **place},
+            "test_place": dict(zip(AXES, TRIED_RAD, strict=True)),
             "tracking": {"mode": "conscan" if self.target else "idle", "target": self.target, "reason": self.reason,
                          "held": held, "seconds_tracked": self.tracked_s, "seconds_lost": 0.0, "mean_loss": 0.1},
             "pointing_controller": {"silent_s": self.silent_s, "failed": ""}, "disk": {"free_gb": self.free_gb},

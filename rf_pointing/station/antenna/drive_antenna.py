@@ -8,7 +8,7 @@ of the control unit then follow from its resolution, its speed and the time betw
 import dataclasses
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -45,12 +45,12 @@ class DriveHardware:
 
     settled_rad: float
 
-    def __init__(self, drive: Drive, params: DriveParams) -> None:
+    def __init__(self, drive: Drive, params: DriveParams, names: Sequence[str] = AXES) -> None:
         can = drive.capabilities
         self.drive, self.rotator = drive, Rotator(drive, params.rotator)
         self.takes_positions = can.set_points == "position"
         self.powered = False
-        self._watch = PositionWatch(_limits(can, params))
+        self._watch = PositionWatch(_limits(can, params), names)
         self._longest_s = max(params.link.lost_s, 2.0 * can.period_s)
         self._reason, self._lost, self._t_s = "", "", -math.inf
         self._encoder_rad: Pair = (0.0, 0.0)
@@ -210,10 +210,12 @@ class DriveAntenna(ControlUnit):
     """
 
     def __init__(self, params: AntennaParams, drive: Drive, t_s: float) -> None:
-        self.params, self.drive_params = params.antenna, params.drive
-        self._beam = SimulatedBeam(params.mount, params.antenna.lag_averaging_s, params.antenna.tick_s)
+        self.params, self.drive_params, self._names = params.antenna, params.drive, params.safety.kinematics.axes
+        self._beam = SimulatedBeam(
+            params.mount, params.antenna.lag_averaging_s, params.antenna.tick_s, params.safety.kinematics
+        )
         self._truth_rad: Array | None = None
-        self.hardware = DriveHardware(drive, params.drive)
+        self.hardware = DriveHardware(drive, params.drive, self._names)
         self.hardware.look(t_s)
         if self.hardware.rotator.reading is None:
             raise ValueError(self.hardware.fault)
@@ -321,7 +323,7 @@ class DriveAntenna(ControlUnit):
         can, limits = self.hardware.drive.capabilities, loops.preprocessor
         if loops.law == BY_DRIVE and not self.hardware.takes_positions:
             raise ValueError(f"loops.law={BY_DRIVE} needs a drive that takes positions, this one takes rates")
-        for axis, name in enumerate(AXES):
+        for axis, name in enumerate(self._names):
             low, high = self._travel_rad()[axis]
             wanted = limits.travel_min_rad[axis], limits.travel_max_rad[axis]
             if wanted[0] < low - EDGE_RAD - SAME_RAD or wanted[1] > high + EDGE_RAD + SAME_RAD:

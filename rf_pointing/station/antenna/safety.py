@@ -71,7 +71,8 @@ class AntennaSafety:
         self.params = params
         self.retune(motion)
         self.sun = SolarDirection(params.sun, params.kinematics)
-        self.watch, self.drive = AxisWatch(params.watch, tick_s), DriveWatch(params.drive, tick_s)
+        names = params.kinematics.axes
+        self.watch, self.drive = AxisWatch(params.watch, tick_s, names), DriveWatch(params.drive, tick_s, names)
         self.wind = WindWatch(params.wind)
         self.latch = FaultLatch()
         self.authority = Authority(params.authority_s)

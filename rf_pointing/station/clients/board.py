@@ -223,7 +223,7 @@ class Board:
         sun = with_leaves(SunParams(), _below("sun.", values))
         self._parameters |= {
             "limits_deg": [values.get(name) for name in LIMITS], "mask_deg": mask_values(mask),
-            "sun_radius_deg": values.get(SUN_RADIUS), "axes": self._mount.axes,
+            "sun_radius_deg": values.get(SUN_RADIUS), "axes": self.axes,
         }  # fmt: skip
         if self._sun is None or self._sun.site != sun.site:
             self._sun = SolarDirection(sun)
@@ -253,6 +253,11 @@ class Board:
             "station": own | self.kept["station"] | self._parameters, "sun": degrees(sun, 2) if sun else None,
             "path": self._path_at(t_s), "nodes": self.nodes, "events": list(self._events),
         }  # fmt: skip
+
+    @property
+    def axes(self) -> tuple[str, str]:
+        """Names of the lower and the upper axis."""
+        return self._mount.axes
 
     @property
     def age_s(self) -> dict[str, float]:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from rf_pointing.core import KeptState, Params, parameter, require_choice
+from rf_pointing.core import KeptState, Params, mount_to_notes, parameter, require_choice
 from rf_pointing.operations import AlarmParams, BetweenParams
 from rf_pointing.operations.dictionary import read_tables
 from rf_pointing.operations.executor import block_text
@@ -78,7 +78,11 @@ class NightWatch:
         self._maintenance = tables.maintenance
         controller = controller_params(station, band)
         self._station = station
-        self._notes = {"station": station.name, **horizon_to_notes(controller.mask)}
+        self._notes = {
+            "station": station.name,
+            **horizon_to_notes(controller.mask),
+            **mount_to_notes(controller.kinematics),
+        }
         self.folder = NightFolder(own.folder, record)
         actions = {"record": self._record, "end_record": self.folder.end_record, "report": self.folder.report}
         self.sender = connect(tables.directives, actions, self._responded, self._ended)

@@ -5,6 +5,7 @@ the table are the alarms.  A check of /diagnostics that is in error and has no c
 the alarm `failed_check` of its node.
 """
 
+import math
 import shutil
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
@@ -13,12 +14,13 @@ from typing import Any
 
 import numpy as np
 
-from rf_pointing.core import AXES, Params, parameter, utc_text
+from rf_pointing.core import AXES, Kinematics, Pair, Params, parameter, utc_text
 from rf_pointing.ephemeris.solar import SolarDirection
 from rf_pointing.operations import AlarmParams
 from rf_pointing.operations.alarms import Alarm
 from rf_pointing.operations.recovery import Recovery
 from rf_pointing.planning.forbidden_sky import angle_between
+from rf_pointing.planning.limits import AxisLimits
 from rf_pointing.station.antenna.sun_at_rest import SunAtRestParams, sun_entry
 from rf_pointing.station.clients.alarm_hooks import NO_WAY, AlarmHooks, HookParams, Message
 from rf_pointing.station.derive.nodes import NODES
@@ -41,6 +43,27 @@ EXPLAINED = frozenset({
 })  # fmt: skip
 """Checks whose subjects have causes of their own in the table."""
 MEMORY = Path("/proc/meminfo")
+TRIED_RAD = (2.4, 1.05)
+"""Azimuth and elevation to which each axis is moved when it is tried."""
+
+
+def place_to_try(limits: AxisLimits, mount: Kinematics) -> Pair:
+    """Return the axis angles at which each axis is tried: those of `TRIED_RAD`, within the travel.
+
+    An axis that does not reach them is tried in the middle of its travel.
+    """
+    first, second = TRIED_RAD if mount.level else mount.axes_at(*TRIED_RAD)
+    turns = (first, first - math.tau, first + math.tau)
+    rows = zip(((*turns,), (second,)), limits.lowest_rad, limits.highest_rad, strict=True)
+    lower, upper = (next((at for at in ways if low <= at <= high), 0.5 * (low + high)) for ways, low, high in rows)
+    return lower, upper
+
+
+def place_values(place_rad: Pair, tried_rad: Pair) -> dict[str, dict[str, float]]:
+    """Return by device where the axes are, where they are tried, and how far they are from it."""
+    here, there = (dict(zip(AXES, each, strict=True)) for each in (place_rad, tried_rad))
+    off = {f"{axis}_off": abs(here[axis] - there[axis]) for axis in AXES}
+    return {"antenna": here | off, "test_place": there}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,6 +89,7 @@ class StationAlarms:
         self.thresholds, self.hooks = thresholds, AlarmHooks(hooks, station)
         self._folder, self._tell, self._sun = folder, tell, SolarDirection(controller.sun, controller.kinematics)
         self._sun_radius_rad = controller.machine.sun_radius_rad
+        self._tried_rad = place_to_try(controller.limits, controller.kinematics)
         self._t_s = 0.0
         conditions = (each.attribute for cause in recovery.table.causes for each in cause.when)
         watched = {each.partition(".")[0] for each in conditions if each.endswith(".silent_s")}
@@ -85,6 +109,11 @@ class StationAlarms:
         """Note attributes of a device as they were at `t_s`."""
         for name, value in values.items():
             self.known.observe(f"{device}.{name}", value, t_s)
+
+    def take_place(self, place_rad: Pair, t_s: float) -> None:
+        """Note where the axes were at `t_s`."""
+        for device, values in place_values(place_rad, self._tried_rad).items():
+            self.take(device, values, t_s)
 
     def take_check(
         self, node: str, check: str, level: int, message: str, values: Mapping[str, str], wall_s: float

@@ -79,6 +79,7 @@ class AntennaWatch:
 
     params: AntennaWatchParams
     tolerance_rad: float
+    names: tuple[str, str] = AXES
     state: AxisState = field(default_factory=AxisState)
     fault: str = ""
     """Latched fault that the antenna itself publishes."""
@@ -187,7 +188,7 @@ class AntennaWatch:
             return ""
         axis = int(np.argmax(still))
         return (
-            f"the {AXES[axis]} encoder is frozen: at {math.degrees(kept[axis]):.4f} deg for "
+            f"the {self.names[axis]} encoder is frozen: at {math.degrees(kept[axis]):.4f} deg for "
             f"{reading.t_s - since_s[axis]:.1f} s, in which the command moved by {math.degrees(asked[axis]):.3f} deg, "
             f"at most {math.degrees(self.params.frozen_rad):.3f} deg"
         )

@@ -87,7 +87,7 @@ class PointingController:
         )  # fmt: skip
         self._scans = Scans(params.spiral, params.calibration.scan, params.watch.probe, params)
         self.corrections = PointingCorrections(params.integrator, self._scans, params.trim)
-        self.antenna = AntennaWatch(params.axes, params.pointing.on_target_rad)
+        self.antenna = AntennaWatch(params.axes, params.pointing.on_target_rad, params.kinematics.axes)
         self._levels = CarrierLevels()
         self.carrier = CarrierWatch(params.watch, params.link)
         self._mode = TrackingMode(params.autotrack, params.pointing, self.carrier)

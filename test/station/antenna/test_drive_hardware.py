@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rf_pointing.controllers import CommandPreprocessorParams
-from rf_pointing.core import Motion
+from rf_pointing.core import Kinematics, Motion
 from rf_pointing.drives import Capabilities, Drive, DriveParams, DriveReading
 from rf_pointing.station.antenna.drive_antenna import DriveAntenna, DriveHardware, suited_safety, wait_for_drive
 from rf_pointing.station.antenna.loops import BY_DRIVE, LoopParams
@@ -209,6 +209,20 @@ def test_where_the_beam_points_is_told_of_a_device_that_knows_its_truth() -> Non
     found = np.array([boresight.azimuth_rad, boresight.elevation_rad]) - truth - [0.1, 0.05]
     assert np.all(np.abs(lag) > 0.1 * DEG)
     np.testing.assert_allclose(found, -lag, rtol=0.2)
+
+
+def test_the_beam_of_another_mount_is_on_the_sky_and_what_is_refused_has_the_names_of_its_axes() -> None:
+    mount = Kinematics(type="x_y")
+    safety = UNWATCHED.replace(kinematics=mount)
+    drive, made = antenna(safety=safety)
+    drive.truth_rad = (0.3, 0.2)
+    _, boresight = made.step(TICK_S)
+    assert boresight is not None
+    assert (boresight.azimuth_rad, boresight.elevation_rad) == pytest.approx(mount.sky_at(0.3, 0.2), abs=1e-12)
+    assert made.safety.watch.step((math.nan, 0.0), (0.0, 0.0))[1].startswith("x ")
+    assert made.safety.drive.step((math.nan, 0.0), (0.0, 0.0)).startswith("x ")
+    with pytest.raises(ValueError, match="y travel .* must be within that of the drive"):
+        antenna(safety=safety, rotator=TRAVEL.replace(travel_max_rad=(TRAVEL.travel_max_rad[0], 0.3)))
 
 
 # Its laws and limits

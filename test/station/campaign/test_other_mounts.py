@@ -75,7 +75,7 @@ def test_the_planted_mount_is_that_of_a_fit_of_its_file(
         _ = rp.Station(other.description, model=tmp_path / "model.yaml").model
 
 
-def test_a_message_has_azimuth_and_elevation_and_is_read_in_the_angles_of_the_axes(
+def test_a_message_has_the_angles_of_the_mount_or_of_the_sky_and_is_read_in_those_of_the_axes(
     station: rp.Station, planted: BiasModel, tmp_path: Path
 ) -> None:
     mount, points = station.controller.kinematics, observed(station, planted)
@@ -83,7 +83,8 @@ def test_a_message_has_azimuth_and_elevation_and_is_read_in_the_angles_of_the_ax
     place = {"azimuth_rad": one.observed_azimuth_rad, "elevation_rad": one.observed_elevation_rad, "t_s": one.t_s}
     known = {"range_m": None, "range_rate_m_s": None, "good": one.t_s > 0.0, "target": "bird"}
     raw = RawTracking(station=station.name, band=station.band, **place, **known)
-    write_tdm(tmp_path / "a.tdm", [raw.turned(mount.directions)], originator="test", created_t_s=START_S)
+    write_tdm(tmp_path / "a.tdm", [raw], originator="test", created_t_s=START_S, mount=mount)
+    assert f"ANGLE_TYPE = {'XSYE' if mount.type == 'x_y' else 'AZEL'}" in (tmp_path / "a.tdm").read_text()
     (back,) = read_raw(tmp_path / "a.tdm", station.band, mount)
     assert np.max(np.abs(wrap_rad(back.azimuth_rad - raw.azimuth_rad))) < 1e-9
     np.testing.assert_allclose(back.elevation_rad, raw.elevation_rad, atol=1e-10)

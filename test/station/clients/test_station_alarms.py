@@ -14,8 +14,8 @@ from rf_pointing.operations.dictionary import read_tables
 from rf_pointing.operations.recovery import Recovery
 from rf_pointing.station.clients import station_alarms
 from rf_pointing.station.clients.alarm_hooks import HookParams
-from rf_pointing.station.clients.station_alarms import StationAlarms
-from rf_pointing.station.description import read_station
+from rf_pointing.station.clients.station_alarms import StationAlarms, place_to_try
+from rf_pointing.station.description import read_station, shipped_stations
 from rf_pointing.station.parameters import controller_params
 
 T_S = 1.8e9
@@ -256,3 +256,12 @@ def test_the_sun_is_as_near_to_the_beam_of_any_axes(name: str, tmp_path: Path, d
         margins.append(alarms.known.value("antenna.sun_margin_rad"))
     assert margins[0] == pytest.approx(margins[1], abs=1e-12)
     assert np.isfinite(margins[0])
+
+
+@pytest.mark.parametrize("station", shipped_stations())
+def test_each_axis_is_tried_within_its_travel_and_above_the_horizon(station: str) -> None:
+    description = read_station(station)
+    own = controller_params(description, description.default_band)
+    place = place_to_try(own.limits, own.kinematics)
+    assert own.limits.reason(*place) == ""
+    assert own.kinematics.sky_at(*place)[1] > np.radians(20.0)
