@@ -37,7 +37,7 @@ POLAR_RAD = math.radians(89.9)
 # Difference of two verticals that are the same: 0.06 deg of latitude.
 LIKE_UP = 1e-3
 MOUNT_NOTE = "mount"
-"""What a recording keeps of a mount that is not level: its numbers as JSON."""
+"""The note of a recording with a mount that is not level: its numbers as JSON."""
 
 
 class Turn(NamedTuple):

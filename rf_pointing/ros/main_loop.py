@@ -96,6 +96,8 @@ def run(
     ROS and `known`.
     """
     signals: list[int] = []
+    # A library that crashes says where it was called.
+    faulthandler.enable(sys.__stderr__)
     try:
         _take_arguments(description or str(sys.modules[node_types[0].__module__].__doc__), known)
         _check_security(os.environ)
