@@ -146,7 +146,7 @@ class PositionWatch:
             start_s = latency_s + (max(polls_s, 2.0 * step / rate) if running else limits.still_s + polls_s)
             if off > far and still_s > start_s:
                 return angle, (
-                    f"stands still for {still_s:.1f} s, at most {start_s:.1f} s, "
+                    f"stands still for {still_s:.2f} s, at most {start_s:.2f} s, "
                     f"{math.degrees(off):.2f} deg from its set point"
                 )
         return angle, ""
