@@ -146,20 +146,17 @@ class AntennaModes:
 
     def reason_against(self, request: Request, now: MotionSnapshot) -> str:
         """Return why this request is refused in the present mode, "" when it is not."""
+        latched = f"fault latched ({now.fault}); reset it first" if now.fault else ""
         match request:
             case Request.COMMAND:
-                return self._against_command(now)
+                return latched or self._against_command()
             case Request.IDENTIFY:
-                if now.fault:
-                    return f"fault latched ({now.fault}); reset it first"
-                if self.mode != AntennaMode.HOLDING:
-                    return f"{antenna_is(self.mode)}, must be holding"
-                return "the axes are still moving" if now.moving else ""
+                wrong = "" if self.mode == AntennaMode.HOLDING else f"{antenna_is(self.mode)}, must be holding"
+                return latched or wrong or ("the axes are still moving" if now.moving else "")
             case Request.JOG:
                 may = (AntennaMode.HOLDING, AntennaMode.JOGGING, AntennaMode.STOPPING)
                 wrong = "" if self.mode in may else f"{antenna_is(self.mode)}, must be holding"
-                fault = f"fault latched ({now.fault}); reset it first" if now.fault else ""
-                return fault or now.high_wind or wrong
+                return latched or now.high_wind or wrong
             case Request.PAUSE:
                 return "" if self.mode == AntennaMode.TRACKING else f"nothing to pause, {antenna_is(self.mode)}"
             case Request.RESUME:
@@ -167,12 +164,9 @@ class AntennaModes:
                     return ""
                 return now.high_wind if self.traits.at_rest else f"nothing to resume, {antenna_is(self.mode)}"
             case Request.PARK | Request.STOW | Request.GO_TO:
-                if now.fault:
-                    return f"fault latched ({now.fault}); reset it first"
-                if request == Request.GO_TO and now.high_wind:
-                    return now.high_wind
+                windy = now.high_wind if request == Request.GO_TO else ""
                 stows_parked = request == Request.STOW and self.mode == AntennaMode.PARKED
-                return "" if self.traits.movable or stows_parked else antenna_is(self.mode)
+                return latched or windy or ("" if self.traits.movable or stows_parked else antenna_is(self.mode))
             case Request.STOW_IN_FAULT:
                 if not now.fault:
                     return "no fault is latched; request stow"
@@ -183,9 +177,7 @@ class AntennaModes:
                 slowing = self.mode == AntennaMode.STOPPING or now.moving
                 return "the axes are still moving" if now.fault and slowing else ""
 
-    def _against_command(self, now: MotionSnapshot) -> str:
-        if now.fault:
-            return f"fault latched ({now.fault}); reset it first"
+    def _against_command(self) -> str:
         if self.mode == AntennaMode.INACTIVE:
             return "the antenna is not active"
         if self.mode == AntennaMode.MANUAL_RATE:

@@ -233,7 +233,7 @@ class AntennaOperation:
 
     def oscillation_report(self) -> Report:
         """Return which axes oscillate."""
-        watch = dict(zip(AXES, self.antenna.axes.loops.watch, strict=True))
-        found = "; ".join(f"{axis}: {seen.reason}" for axis, seen in watch.items() if seen.oscillating)
-        swings: dict[str, object] = {f"{axis}_swings_in_a_row": len(seen.state.row) for axis, seen in watch.items()}
-        return Report(Level.ERROR if found else Level.OK, found or "none", swings)
+        loops = self.antenna.axes.loops
+        rows = zip(AXES, loops.watch, strict=True)
+        swings: dict[str, object] = {f"{axis}_swings_in_a_row": len(seen.state.row) for axis, seen in rows}
+        return Report(Level.ERROR if loops.oscillation else Level.OK, loops.oscillation or "none", swings)

@@ -112,19 +112,17 @@ class StageDesign:
 
 
 def design_stage(
-    params: SecondStageParams, plant: PlantParams, laws: Sequence[Law], wind: WindParams,
-    tick_s: float, wind_m_s: float = DESIGN_WIND_M_S,
-) -> StageDesign:  # fmt: skip
-    """Return the stage on this antenna, judged in gusts about a mean wind (m/s)."""
-    judged_in = gust_acceleration(plant, wind, wind_m_s)
-    designed_in = gust_acceleration(plant, wind, DESIGN_WIND_M_S)
+    params: SecondStageParams, plant: PlantParams, laws: Sequence[Law], wind: WindParams, tick_s: float
+) -> StageDesign:
+    """Return the stage on this antenna, judged in gusts about the mean wind of the design."""
+    gusts = gust_acceleration(plant, wind, DESIGN_WIND_M_S)
     axes, known = [], OFF.index(AS_KNOWN)
     for axis, law in enumerate(laws):
         antennas = [_Antenna(params, plant, axis, law, tick_s, off) for off in OFF]
-        taps = _wiener(antennas, designed_in[axis])
-        judged = [each.errors_rad(taps, judged_in[axis], wind_m_s) for each in antennas]
+        taps = _wiener(antennas, gusts[axis])
+        judged = [each.errors_rad(taps, gusts[axis]) for each in antennas]
         margins = antennas[known].radio_loop(taps)
-        command_rad = antennas[known].command_rad(taps, designed_in[axis])
+        command_rad = antennas[known].command_rad(taps, gusts[axis])
         worst = min(before / after for before, after in judged)
         axes.append(StageAxis(AXES[axis], taps, *judged[known], command_rad, worst, *margins))
     return StageDesign(params, (axes[0], axes[1]))
@@ -159,14 +157,14 @@ class _Antenna:
         # White, one-sided, up to half the sampling rate; the steps as their own noise.
         self._noise = 2.0 * tick_s * (own.encoder_noise_rad**2 + step_rad**2 / 12.0)
 
-    def _weights(self, acceleration: float, wind_m_s: float) -> Array:
+    def _weights(self, acceleration: float) -> Array:
         """Return the power (f,) of the gusts on each part of the grid, in (rad/s^2)^2."""
-        gusts = gust_spectrum(self._hz, wind_m_s, DRAG)
+        gusts = gust_spectrum(self._hz, DESIGN_WIND_M_S, DRAG)
         return np.asarray(acceleration**2 * gusts * np.gradient(self._hz))
 
     def normal_equations(self, acceleration: float) -> tuple[Array, Array, float]:
         """Return matrix (n, n), right side (n,) and the beam's mean square (rad^2) in the wind."""
-        weights = self._weights(acceleration, DESIGN_WIND_M_S)
+        weights = self._weights(acceleration)
         seen = self._taps * self._residual[:, None]
         matrix = (seen.conj().T * weights) @ seen + self._noise * (
             self._taps.conj().T * np.gradient(self._hz)
@@ -174,16 +172,16 @@ class _Antenna:
         right = (seen.conj().T * weights) @ self._beam
         return matrix.real, right.real, float(np.sum(weights * np.abs(self._beam) ** 2))
 
-    def errors_rad(self, taps: Array, acceleration: float, wind_m_s: float) -> tuple[float, float]:
+    def errors_rad(self, taps: Array, acceleration: float) -> tuple[float, float]:
         """Return the rms beam error in wind without and with the stage."""
-        weights, stage = self._weights(acceleration, wind_m_s), self._taps @ taps
+        weights, stage = self._weights(acceleration), self._taps @ taps
         left = np.sum(weights * np.abs(self._beam - stage * self._residual) ** 2)
         noise = self._noise * np.sum(np.gradient(self._hz) * np.abs(stage) ** 2)
         return math.sqrt(np.sum(weights * np.abs(self._beam) ** 2)), math.sqrt(left + noise)
 
     def command_rad(self, taps: Array, acceleration: float) -> float:
         """Return the rms of the command in the wind of the design."""
-        weights = self._weights(acceleration, DESIGN_WIND_M_S)
+        weights = self._weights(acceleration)
         return math.sqrt(np.sum(weights * np.abs(self._late @ taps * self._residual) ** 2))
 
     def radio_loop(self, taps: Array) -> tuple[float, float]:

@@ -326,9 +326,8 @@ class Board:
             raise ValueError("the executive runs a schedule: pause the night first")
         rises = [row["aos_utc"] for row in self.kept["passes"]["rows"]] if "passes" in self.kept else []
         if aos_utc not in rises:
-            raise ValueError(
-                f"aos_utc={aos_utc!r} must be one of the {len(rises)} coming passes: select the target first"
-            )
+            coming = f"one of the {len(rises)} coming passes"
+            raise ValueError(f"aos_utc={aos_utc!r} must be {coming}: select the target first")
         return rises.index(aos_utc)
 
 
@@ -337,9 +336,8 @@ def checked_arguments(row: DirectiveRow, arguments: Mapping[str, Any]) -> dict[s
     takes = TAKES.get(row.name, row.takes)
     for name, value in arguments.items():
         if name not in takes:
-            raise ValueError(
-                f"{row.name} has no argument {name[:LONGEST_TEXT]!r}; it takes {', '.join(takes) or 'none'}"
-            )
+            known = ", ".join(takes) or "none"
+            raise ValueError(f"{row.name} has no argument {name[:LONGEST_TEXT]!r}; it takes {known}")
         if isinstance(value, str) and len(value) > LONGEST_TEXT:
             raise ValueError(f"{name} has {len(value)} characters, must be <= {LONGEST_TEXT}")
         if row.kind == "parameter" and (isinstance(value, bool) or not isinstance(value, (int, float))):

@@ -257,18 +257,16 @@ class StationAlarms:
         lasting = self.book.lasting
         level = max((each.level for each in lasting if not each.acknowledged), default=0)
         words = "; ".join(f"{each.name}: {each.message}" for each in lasting)
-        return Report(
-            Level(level), words or "none", {each.name: f"raised {utc_text(each.raised_t_s)}" for each in lasting}
-        )
+        since: dict[str, object] = {each.name: f"raised {utc_text(each.raised_t_s)}" for each in lasting}
+        return Report(Level(level), words or "none", since)
 
     def computer(self) -> Report:
         """Return whether disk and memory of the computer suffice."""
         alarms = (each for each in self.book.lasting if each.name in ("full_disk", "low_memory"))
         words, disk_mb = "; ".join(each.message for each in alarms), 1e3 * self.healths["disk"]["free_gb"]
         free = {"disk_free_mb": disk_mb, "memory_free_mb": free_memory_mb()}
-        return Report(
-            Level(bool(words)), words or "ok", {name: round(each) for name, each in free.items() if each < 1e12}
-        )
+        known: dict[str, object] = {name: round(each) for name, each in free.items() if each < 1e12}
+        return Report(Level(bool(words)), words or "ok", known)
 
 
 def free_memory_mb() -> float:

@@ -47,9 +47,9 @@ def check(content: Content, reader: Reader, nodes: tuple[str, ...]) -> HorizonMa
     Of the tuning, and of the errors of the mount, what concerns these `nodes` is judged.
     """
     if isinstance(content.site, str) and content.site not in SITES:
-        reader.note("site", f"site={content.site!r} must be coordinates or {one_of(content.site, SITES)}")
+        reader.wrong("site", f"={content.site!r} must be coordinates or {one_of(content.site, SITES)}")
     if content.name is not None and not 0 < len(content.name.strip()) <= LONGEST_NAME:
-        reader.note("name", f"name={brief(content.name)} must have 1 to {LONGEST_NAME} signs")
+        reader.wrong("name", f"={brief(content.name)} must have 1 to {LONGEST_NAME} signs")
     mask = _mask(content, reader)
     if content.mount is not None:
         for key, text in _misplaced(content.mount):
@@ -58,7 +58,7 @@ def check(content: Content, reader: Reader, nodes: tuple[str, ...]) -> HorizonMa
                 reader.note(f"mount.{key}", f"mount{text}")
         for key, axis in zip(content.mount.keys, content.mount.pair, strict=True):
             for name, text in axis.contradictions() if axis is not None else ():
-                reader.note(f"{key}.{name}", f"{key}.{name}{text}")
+                reader.wrong(f"{key}.{name}", text)
         _check_mount(content, content.mount, reader)
     _check_bands(content, reader, nodes)
     _check_tuning(content.tuning, "tuning", reader, nodes)
@@ -67,9 +67,9 @@ def check(content: Content, reader: Reader, nodes: tuple[str, ...]) -> HorizonMa
     kind = (content.drive or {}).get("type", "simulated")
     if kind not in ("simulated", "topic") and not takes_positions(kind) and kind not in known_types():
         known = one_of(kind, ("simulated", "topic", *known_types()))
-        reader.note("drive.type", f"drive.type={kind!r} must be {known}")
+        reader.wrong("drive.type", f"={kind!r} must be {known}")
     if content.second_stage and kind != "simulated" and not takes_rates(content.drive or {}):
-        reader.note("second_stage", f"second_stage: drive.type={kind!r} takes positions, not rates")
+        reader.wrong("second_stage", f": drive.type={kind!r} takes positions, not rates")
     if content.receiver is not None:
         _check_receiver(content.receiver, content.receiver, "receiver", reader)
     if content.simulation is not None and "antenna_servo" in nodes:
@@ -92,7 +92,7 @@ def _check_receiver(given: BandReceiverSection, whole: ReceiverSection, key: str
     problems = len(reader.problems)
     if whole.type not in known_types():
         known = ", ".join(known_types())
-        reader.note(f"{key}.type", f"{key}.type={whole.type!r} must be one of {known}")
+        reader.wrong(f"{key}.type", f"={whole.type!r} must be one of {known}")
     rows = flat({"receiver": {name: getattr(given, name) or {} for name in OPEN}})
     _check_names({"receiver": SignalReceiverParams()}, rows, key, reader, strip="receiver.")
     if len(reader.problems) == problems:
@@ -100,7 +100,7 @@ def _check_receiver(given: BandReceiverSection, whole: ReceiverSection, key: str
             sections = flat({name: getattr(whole, name) or {} for name in OPEN})
             check_params(with_leaves(SignalReceiverParams(), {"type": whole.type, **sections}))
         except ValueError as error:
-            reader.note(key, f"{key}.{error}")
+            reader.wrong(key, f".{error}")
 
 
 def _misplaced(mount: MountSection) -> Iterator[tuple[str, str]]:
@@ -131,7 +131,7 @@ def _check_mount(content: Content, mount: MountSection, reader: Reader) -> None:
     if mount.park_deg is not None:
         for name, angle, travel in zip(names, mount.park_deg, (azimuth, elevation), strict=True):
             if travel is not None and not travel[0] <= angle <= travel[1]:
-                reader.note("mount.park_deg", f"mount.park_deg={list(mount.park_deg)}: {name} {angle} must lie within its "
+                reader.wrong("mount.park_deg", f"={list(mount.park_deg)}: {name} {angle} must lie within its "
                     f"travel_deg={list(travel)}")  # fmt: skip
     if elevation is None or azimuth is None or mount.type is None:
         return
@@ -140,25 +140,21 @@ def _check_mount(content: Content, mount: MountSection, reader: Reader) -> None:
     # The control unit's travel may be wider than that of passes.
     outer = flat(content.tuning or {}).get("loops.preprocessor.travel_max_deg", elevation)
     if stow is not None and not elevation[0] <= stow <= max(elevation[1], outer[1]):
-        reader.note("mount.stow_elevation_deg", f"mount.stow_elevation_deg={stow} must lie within {key}."
-            f"travel_deg={list(elevation)}")  # fmt: skip
+        reader.wrong("mount.stow_elevation_deg", f"={stow} must lie within {key}.travel_deg={list(elevation)}")
     if mount.type != AZIMUTH_ELEVATION:
         if mount.fixed_elevation_deg is not None:
-            reader.note("mount.fixed_elevation_deg", "mount.fixed_elevation_deg is for an azimuth alone, of "
-                f"type={AZIMUTH_ELEVATION}")  # fmt: skip
+            reader.wrong("mount.fixed_elevation_deg", f" is for an azimuth alone, of type={AZIMUTH_ELEVATION}")
         return
     if not -12.0 <= elevation[0] < elevation[1] <= 192.0:
-        reader.note(
-            "mount.elevation.travel_deg", f"mount.elevation.travel_deg={list(elevation)} must lie within [-12, 192]"
-        )
+        reader.wrong("mount.elevation.travel_deg", f"={list(elevation)} must lie within [-12, 192]")
     begins = pass_elevation_deg(content)
     drive = content.drive or {}
     if mount.fixed_elevation_deg is None and turns_azimuth_alone(str(drive.get("type")), str(drive.get("model", ""))):
-        reader.note("mount.fixed_elevation_deg", f"mount.fixed_elevation_deg must say where the antenna looks: drive.model="
+        reader.wrong("mount.fixed_elevation_deg", f" must say where the antenna looks: drive.model="
             f"{drive['model']} turns the azimuth alone")  # fmt: skip
     # A pass begins on the limit itself otherwise, and is refused as 0.000 deg past it.
     if begins <= elevation[0]:
-        reader.note("mount.pass_elevation_deg", f"mount.pass_elevation_deg={begins} must be > {elevation[0]}, the lowest "
+        reader.wrong("mount.pass_elevation_deg", f"={begins} must be > {elevation[0]}, the lowest "
             "elevation of the travel: passes begin where the mount cannot look")  # fmt: skip
     points = mount.horizon_deg or ()
     highest = max((point[1] for point in points), default=None)
@@ -184,7 +180,7 @@ def _check_reach(content: Content, first: Pair, second: Pair, reader: Reader) ->
     highest, begins = float(np.degrees(mount.skies(np.radians(grid))[..., 1].max())), pass_elevation_deg(content)
     if highest <= begins:
         names, key = mount.axes, content.mount.keys[0]
-        reader.note(f"{key}.travel_deg", f"{key}.travel_deg={list(first)} and {names[1]} {list(second)} reach "
+        reader.wrong(f"{key}.travel_deg", f"={list(first)} and {names[1]} {list(second)} reach "
             f"{highest:.1f} deg of elevation at most, must be > {begins:g}, where passes begin")  # fmt: skip
 
 
@@ -196,14 +192,12 @@ def _mask(content: Content, reader: Reader) -> HorizonMask:
     points, key, lines = mount.horizon_deg, "mount.horizon_deg", None
     if mount.horizon_file:
         if points is not None:
-            reader.note(
-                "mount.horizon_file", "mount.horizon_file and mount.horizon_deg give the mask twice: leave one out"
-            )
+            reader.wrong("mount.horizon_file", " and mount.horizon_deg give the mask twice: leave one out")
         key = "mount.horizon_file"
         points, lines = _mask_file(mount.horizon_file, reader)
     if not points:
         if mount.horizon_deg == ():
-            reader.note(key, f"{key}=[] must have at least one point")
+            reader.wrong(key, "=[] must have at least one point")
         return HorizonMask(clearance_rad=clearance)
     problems = len(reader.problems)
     rows = in_order([(line, *point) for line, point in zip(lines or range(1, len(points) + 1), points, strict=True)])
@@ -233,17 +227,16 @@ def _mask_file(name: str, reader: Reader) -> tuple[tuple[Pair, ...], list[int]]:
     try:
         text = read_whole(path, encoding="utf-8-sig")
     except (OSError, ValueError) as error:
-        reader.note("mount.horizon_file", f"mount.horizon_file={name!r} cannot be read: {error}")
+        reader.wrong("mount.horizon_file", f"={name!r} cannot be read: {error}")
         return (), []
     rows, wrong = read_horizon(text)
     for number, line in wrong:
         reader.note("mount.horizon_file", f"{name}:{number}: {line[:40]!r} must be azimuth and elevation in deg")
     points, lines = [(azimuth, elevation) for _, azimuth, elevation in rows], [row[0] for row in rows]
     if not points:
-        reader.note("mount.horizon_file", f"mount.horizon_file={name!r} must have at least one point")
+        reader.wrong("mount.horizon_file", f"={name!r} must have at least one point")
     elif len(points) > MOST_VALUES:
-        reader.note("mount.horizon_file", f"mount.horizon_file={name!r} has {len(points)} points, must have <= "
-            f"{MOST_VALUES}")  # fmt: skip
+        reader.wrong("mount.horizon_file", f"={name!r} has {len(points)} points, must have <= {MOST_VALUES}")
         points = []
     return tuple(points), lines
 
@@ -253,10 +246,10 @@ def _check_bands(content: Content, reader: Reader, nodes: tuple[str, ...]) -> No
     if bands is None:
         return
     if not bands:
-        reader.note("bands", "bands must have at least one band")
+        reader.wrong("bands", " must have at least one band")
     elif content.default_band and content.default_band not in bands:
         known = one_of(content.default_band, bands)
-        reader.note("default_band", f"default_band={content.default_band!r} must be {known}")
+        reader.wrong("default_band", f"={content.default_band!r} must be {known}")
     for name, section in bands.items():
         if section is not None:
             _check_band(content, name, section, reader, nodes)
@@ -267,16 +260,16 @@ def _check_band(content: Content, name: str, section: BandSection, reader: Reade
     given, frequency = section.half_power_beamwidth_deg, section.frequency_mhz
     diameter = content.dish.diameter_m if content.dish else None
     if given is None and content.dish is None:
-        reader.note(key, f"{key} needs half_power_beamwidth_deg: there is no dish to derive it from")
+        reader.wrong(key, " needs half_power_beamwidth_deg: there is no dish to derive it from")
     if given is not None and diameter is not None and frequency is not None:
         derived = BEAM_FACTOR_DEG * SPEED_OF_LIGHT_M_S / (1e6 * frequency) / diameter
         if abs(given / derived - 1.0) > BEAMWIDTH_TOLERANCE:
-            reader.note(f"{key}.half_power_beamwidth_deg", f"{key}.half_power_beamwidth_deg={given} must be within 20 % of "
+            reader.wrong(f"{key}.half_power_beamwidth_deg", f"={given} must be within 20 % of "
                 f"{derived:.4g}, that of dish.diameter_m={diameter} at {frequency} MHz")  # fmt: skip
     if section.sensors is not None and len(set(section.sensors)) < len(section.sensors):
-        reader.note(f"{key}.sensors", f"{key}.sensors={list(section.sensors)} names a sensor twice")
+        reader.wrong(f"{key}.sensors", f"={list(section.sensors)} names a sensor twice")
     if section.sensors is not None and Sensor.ARRAY in section.sensors and content.array is None:
-        reader.note(f"{key}.sensors", f"{key}.sensors names array: the description has no section array")
+        reader.wrong(f"{key}.sensors", " names array: the description has no section array")
     elif Sensor.ARRAY in (section.sensors or ()) and content.array and frequency is not None:
         _check_array(content.array, frequency, reader)
     if wider := section.acquisition_band:
@@ -284,7 +277,7 @@ def _check_band(content: Content, name: str, section: BandSection, reader: Reade
                  if other and frequency is not None and (other.frequency_mhz or frequency) < frequency]  # fmt: skip
         if wider not in lower:
             known = one_of(wider, lower) if lower else "empty: no band has a lower frequency"
-            reader.note(f"{key}.acquisition_band", f"{key}.acquisition_band={wider!r} must be {known}")
+            reader.wrong(f"{key}.acquisition_band", f"={wider!r} must be {known}")
     if section.bias_model:
         # Imported here, as what the checks of an array need: most stations have neither.
         from rf_pointing.calibration.model_file import read_model
@@ -293,28 +286,27 @@ def _check_band(content: Content, name: str, section: BandSection, reader: Reade
         try:
             version = read_model(path)
         except (ValueError, OSError) as error:
-            reader.note(f"{key}.bias_model", f"{key}.bias_model={section.bias_model!r}: {error}")
+            reader.wrong(f"{key}.bias_model", f"={section.bias_model!r}: {error}")
         else:
             for what, own, wanted in (("station", version.station, content.name), ("band", version.band, name)):
                 if own != wanted:
-                    reader.note(f"{key}.bias_model", f"{key}.bias_model={section.bias_model!r} is of {what} {own!r}, must be "
+                    reader.wrong(f"{key}.bias_model", f"={section.bias_model!r} is of {what} {own!r}, must be "
                         f"of {wanted!r}")  # fmt: skip
             try:
                 if content.mount is not None and content.site is not None:
                     version.model.on(kinematics_of(content))
             except ValueError as error:
-                reader.note(f"{key}.bias_model", f"{key}.bias_model={section.bias_model!r}: {error}")
+                reader.wrong(f"{key}.bias_model", f"={section.bias_model!r}: {error}")
     if section.noise is not None:
         if section.system_noise_k is not None:
-            reader.note(f"{key}.noise", f"{key}.noise and system_noise_k give the same twice: leave one out")
+            reader.wrong(f"{key}.noise", " and system_noise_k give the same twice: leave one out")
         for index, stage in enumerate(section.noise.chain or ()):
             if why := stage.contradiction():
-                reader.note(f"{key}.noise.chain", f"{key}.noise.chain[{index}] {why}")
+                reader.wrong(f"{key}.noise.chain", f"[{index}] {why}")
     if (its := section.receiver) and any(vars(its).values()) and (common := content.receiver):
         here, kinds = content.receiver_in(name), {its.type or common.type, common.type}
         if len(kinds) > 1 and kinds & {"simulated", "topic"}:
-            text = f"{key}.receiver.type={its.type!r}: receiver.type={common.type!r} has other nodes"
-            reader.note(f"{key}.receiver.type", text)
+            reader.wrong(f"{key}.receiver.type", f"={its.type!r}: receiver.type={common.type!r} has other nodes")
         _check_receiver(its, here, f"{key}.receiver", reader)
     _check_tuning(section.tuning, f"{key}.tuning", reader, nodes)
     if "antenna_servo" in nodes:
@@ -328,7 +320,7 @@ def _check_array(section: ArraySection, frequency_mhz: float, reader: Reader) ->
     from rf_pointing.station.derive.array import level_of_array_db_hz
 
     if math.isinf(level_of_array_db_hz(section, SPEED_OF_LIGHT_M_S / (1e6 * frequency_mhz))):
-        reader.note("array", f"array: {section.elements} patches on a circle of {section.radius_m} m, phases known to "
+        reader.wrong("array", f": {section.elements} patches on a circle of {section.radius_m} m, phases known to "
             f"{section.phase_sigma_deg} deg: at {frequency_mhz} MHz every direction is like another one")  # fmt: skip
 
 
@@ -340,13 +332,11 @@ def _check_tuning(values: Mapping[str, Any] | None, key: str, reader: Reader, no
         if name not in known:
             # A single node does not know the names of the others.
             if complete:
-                reader.note(f"{key}.{name}", f"{key}.{name}: no parameter of that name{nearest(name, known)}")
+                reader.wrong(f"{key}.{name}", f": no parameter of that name{nearest(name, known)}")
         elif not owner and not name.startswith(reference(known[name][0]).either):
-            reader.note(
-                f"{key}.{name}", f"{key}.{name} is a parameter of {' and '.join(known[name])}, not of the station"
-            )
+            reader.wrong(f"{key}.{name}", f" is a parameter of {' and '.join(known[name])}, not of the station")
         elif owner and not owner.startswith("tuning."):
-            reader.note(f"{key}.{name}", f"{key}.{name} is given by {owner}: change it there")
+            reader.wrong(f"{key}.{name}", f" is given by {owner}: change it there")
         else:
             wanted[name] = value
     for name, value in wanted.items():
@@ -362,7 +352,7 @@ def _check_names(
         shown = name.removeprefix(strip)
         edge = leaves(sets[prefix])
         if rest not in edge:
-            reader.note(f"{key}.{shown}", f"{key}.{shown}: no such key of {key}{nearest(rest, edge)}")
+            reader.wrong(f"{key}.{shown}", f": no such key of {key}{nearest(rest, edge)}")
             continue
         try:
             # Alone: what depends on other values is judged with the whole set later.

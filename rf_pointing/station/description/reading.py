@@ -7,7 +7,7 @@ read on, so that a user mends a file once.
 import dataclasses
 import math
 import types
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, Union, get_args, get_origin, get_type_hints
 
@@ -53,6 +53,10 @@ class Reader:
         while key not in self.lines:
             key = key.rpartition(".")[0]
         self.problems.append((self.lines[key], text))
+
+    def wrong(self, key: str, text: str) -> None:
+        """Note a problem of `key` whose text goes on after its name."""
+        self.note(key, f"{key}{text}")
 
     def refuse(self) -> None:
         """Raise `StationError` with all problems, if there are any."""
@@ -145,11 +149,7 @@ class Reader:
             return {name: self._open(below, _join(key, name)) for name, below in self._items(node, key)}
         if isinstance(node, yaml.SequenceNode):
             return [self._open(each, key) for each in node.value]
-        value = _plain(node)
-        # A number of YAML 1.2 that YAML 1.1 takes for a text.
-        if isinstance(value, str) and not node.style and _is_number(value):
-            return float(value)
-        return value
+        return _plain(node)
 
     def _tuple(self, kinds: tuple[Any, ...], rules: Mapping[str, Any], node: yaml.Node, key: str) -> tuple[Any, ...]:
         many = kinds[-1] is Ellipsis
@@ -157,12 +157,10 @@ class Reader:
             raise ValueError(f"{key} must be a list" + ("" if many else f" of {len(kinds)} values"))
         if not many and len(node.value) != len(kinds):
             raise ValueError(f"{key} has {len(node.value)} values, must have {len(kinds)}")
-        read: Callable[[int, yaml.Node], Any] = lambda index, below: self._read(  # noqa: E731
-            kinds[0] if many else kinds[index], rules, below, f"{key}[{index}]"
-        )
         if len(node.value) > MOST_VALUES:
             raise ValueError(f"{key} has {len(node.value)} values, must have <= {MOST_VALUES}")
-        return tuple(read(index, below) for index, below in enumerate(node.value))
+        rows = enumerate(zip(kinds[:1] * len(node.value) if many else kinds, node.value, strict=True))
+        return tuple(self._read(kind, rules, below, f"{key}[{index}]") for index, (kind, below) in rows)
 
 
 def _join(key: str, name: str) -> str:
@@ -176,7 +174,9 @@ def _mapping(node: yaml.Node, key: str) -> yaml.MappingNode:
 
 
 def _plain(node: yaml.Node) -> Any:
-    return yaml.constructor.SafeConstructor().construct_object(node, deep=True)
+    value = yaml.constructor.SafeConstructor().construct_object(node, deep=True)
+    # A number of YAML 1.2, as 8e9 without a sign, that YAML 1.1 takes for a text.
+    return float(value) if isinstance(value, str) and not node.style and _is_number(value) else value
 
 
 def _is_number(text: str) -> bool:
@@ -203,9 +203,6 @@ def _scalar(kind: Any, rules: Mapping[str, Any], node: yaml.Node, key: str) -> A
         if not isinstance(value, bool):
             raise ValueError(f"{key}={node.value} must be true or false")
         return value
-    # PyYAML reads 8e9 without a sign as a text.
-    if isinstance(value, str) and not node.style and _is_number(value):
-        value = float(value)
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         raise ValueError(f"{key}={node.value} must be a number")
     if kind is int and not isinstance(value, int):

@@ -278,7 +278,8 @@ class PointingCorrections:
         rested = error.t_s - self._learned_s >= 2.0 * age_s
         if direction is not None and then is not None and rested:
             self._learned_s = error.t_s
-            self._learn(command_s, error.t_s - age_s, direction, error.covariance_rad2, _sky(then))
+            sky = SkyMotion(*then[:3].tolist())
+            self._learn(command_s, error.t_s - age_s, direction, error.covariance_rad2, sky)
             if scans:
                 self._show_ahead(error.t_s, error.sensor)
 
@@ -408,7 +409,8 @@ class PointingCorrections:
         direction, covariance = beam, np.eye(2) * sigma_rad**2
         if error.valid:
             direction, covariance = beam + _measured(error), error.covariance_rad2
-        self._found = _Found(error.t_s, direction, covariance, _sky(past), error.carrier_to_noise_db_hz)
+        sky = SkyMotion(*past[:3].tolist())
+        self._found = _Found(error.t_s, direction, covariance, sky, error.carrier_to_noise_db_hz)
 
     def _corrections(self, times: Array) -> tuple[Array, Array]:
         """Return the sum of both corrections (n, 2), and its rate."""
@@ -496,10 +498,6 @@ def _loops(integrator: TrackerIntegratorParams, scans: Scans) -> dict[str, Track
 
 def _measured(error: PointingError) -> Array:
     return np.array([error.cross_elevation_rad, error.elevation_rad])
-
-
-def _sky(past: Array) -> SkyMotion:
-    return SkyMotion(float(past[0]), float(past[1]), float(past[2]))
 
 
 def _interpolated(times: Array, known: Array, values: Array) -> Array:

@@ -120,7 +120,7 @@ class CommandedMotion:
     def restart(self) -> None:
         """Forget the last pass."""
         self.targets.clear()
-        self._path.restart()
+        self._path.slew()
         self._lag.restart()
         self._issued = None
         self._centre.clear()

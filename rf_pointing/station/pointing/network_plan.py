@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rf_pointing.core import DAY_S, Array, Pair
+from rf_pointing.core import DAY_S, Pair
 from rf_pointing.ephemeris import CataloguePass
 from rf_pointing.planning import Candidate
 from rf_pointing.planning.network import Option, Owed, Programme
@@ -294,7 +294,7 @@ def _pieces(
     azimuth += window.azimuth_path_rad[0] - azimuth[0]
     places = np.searchsorted(times, ends)
     height = COUNT_WORTH + np.sin(np.maximum(elevation, 0.0))
-    weights = np.array([_area(times[a : b + 1], height[a : b + 1]) for a, b in itertools.pairwise(places)])
+    weights = np.array([np.trapezoid(height[a : b + 1], times[a : b + 1]) for a, b in itertools.pairwise(places)])
     # A stay of `LONG_S` counts as much as a pass of its height.
     shares = whole.share * weights / (LONG_S * (COUNT_WORTH + math.sin(whole.peak_rad)) if lasts else weights.sum())
     found = []
@@ -310,7 +310,3 @@ def _pieces(
             )
         )  # fmt: skip
     return found
-
-
-def _area(times: Array, height: Array) -> float:
-    return float(np.sum(0.5 * (height[1:] + height[:-1]) * np.diff(times)))

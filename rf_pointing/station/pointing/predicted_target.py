@@ -294,10 +294,8 @@ class PredictedTarget:
     def _use_attitude(self, now_s: float) -> None:
         """Bring the measured attitude into force where the satellite's beam has moved enough."""
         antenna, measured = self.source.antenna, self._attitude
-        if (
-            measured is None
-            or math.dist(measured.axis, antenna.axis) <= ATTITUDE_SHARE * antenna.half_power_beamwidth_rad
-        ):
+        least = ATTITUDE_SHARE * antenna.half_power_beamwidth_rad
+        if measured is None or math.dist(measured.axis, antenna.axis) <= least:
             return
         self.set(self.source.replace(antenna=measured), now_s)
         self._show(None, self._profiles())

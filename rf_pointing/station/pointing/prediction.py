@@ -49,21 +49,16 @@ class TargetBuffer:
     """
 
     def __init__(self) -> None:
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget everything, for a new target."""
         self._times: list[float] = []
         self._motions: list[Motion] = []
         self._ranges: list[float] = []
         self._gains: list[float] = []
         self.received_until_s = self._ahead_s = -math.inf
         self.offsets = ""
-
-    def clear(self) -> None:
-        """Forget everything, for a new target."""
-        self._times.clear()
-        self._motions.clear()
-        self._ranges.clear()
-        self._gains.clear()
-        self.offsets = ""
-        self.received_until_s = self._ahead_s = -math.inf
 
     def add(self, target: Target) -> None:
         """Take one sample; a later one for the same time replaces the earlier."""
@@ -211,12 +206,11 @@ class Prediction:
         self._known.clear()
         self._start = None
 
-    def restart(self) -> None:
-        """Begin a pass: how the axes have moved until now is still known."""
-        self.slew()
-
     def slew(self) -> None:
-        """Let the axes lead until the next call of `at`: they are not where the prediction is."""
+        """Let the axes lead until the next call of `at`: they are not where the prediction is.
+
+        How they have moved until now is still known.
+        """
         self.clear()
         self._lagging.clear()
 

@@ -9,6 +9,7 @@ import math
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from rf_pointing.controllers import TrackerIntegratorParams
 from rf_pointing.core import MU, Array, Mode, Motion, Pair, random_stream, received_power
@@ -44,6 +45,8 @@ SPARE_S = 2.0
 UNDERWAY_S = 0.5
 # Directions of the target that stand for all: quantiles of the distance times even angles.
 RINGS, SPOKES = 10, 12
+# What certificates promise.
+PROMISED = 0.9
 # Steps in which a search and a scan are sampled.
 SAMPLE_S = 0.05
 # A scan of this length, after its ramp, has the mean power of any.
@@ -232,24 +235,15 @@ def sensor_cost(
         power = _mean_power(covariance, beamwidth)
         worst = float(received_power(math.sqrt(-2.0 * math.log(0.1)) * sigma, beamwidth))
         return SensorCost(power=power, power_90=min(worst, power))
-    search, scan = ScanPatterns(scans), ScanPatterns(scans)
+    search = ScanPatterns(scans)
     search.begin(Mode.SEARCH, 0.0, prior, sky)
-    scan.begin(sensor.name, 0.0, prior, sky)
-    power = 1.0
-    if scan.running:
-        offsets = scan.at(RAMPED_S + np.arange(0.0, SCAN_S, SAMPLE_S), None)[0]
-        power = float(np.mean(received_power(np.hypot(*offsets.T), beamwidth)))
     # A scan begins with a carrier as weak as `beam_drop_db`, a stare within half power.
-    at_once = (
-        beamwidth * math.sqrt(table.beam_drop_db * math.log(10.0) / (10.0 * MU)) if sensor.scans else 0.5 * beamwidth
-    )
+    dropped = math.sqrt(table.beam_drop_db * math.log(10.0) / (10.0 * MU))
+    at_once = beamwidth * dropped if sensor.scans else 0.5 * beamwidth
     times = np.arange(0.0, table.search_s, SAMPLE_S)
     track = search.at(times, SkyMotion(*(np.full(len(times), part) for part in _first(sky))))[0]
-    quantiles = (np.arange(RINGS) + 0.5) / RINGS
-    radius, angle = np.sqrt(-2.0 * np.log1p(-quantiles)), 2.0 * math.pi * (np.arange(SPOKES) + 0.5) / SPOKES
-    unit = np.stack([np.outer(radius, np.cos(angle)).ravel(), np.outer(radius, np.sin(angle)).ravel()])
     taken = []
-    for target in (np.linalg.cholesky(covariance + 1e-18 * np.eye(2)) @ unit).T:
+    for target in (np.linalg.cholesky(covariance + 1e-18 * np.eye(2)) @ unit_targets()).T:
         if float(np.hypot(*target)) <= at_once:
             taken.append(0.0)
             continue
@@ -257,7 +251,26 @@ def sensor_cost(
         found_s = float(times[np.argmax(passed)]) if passed.any() else table.search_s
         # Only one turn later is it known that the carrier was strongest there.
         taken.append(table.settle_s + found_s + (table.search_turn_s if sensor.scans else 0.0))
-    mean_s, most_s = float(np.mean(taken)), float(np.quantile(taken, 0.9))
+    return held_cost(sensor, scans, prior, table, taken)
+
+
+def unit_targets() -> Array:
+    """Return the directions (2, targets) that stand for all, in sigmas."""
+    quantiles = (np.arange(RINGS) + 0.5) / RINGS
+    radius, angle = np.sqrt(-2.0 * np.log1p(-quantiles)), 2.0 * math.pi * (np.arange(SPOKES) + 0.5) / SPOKES
+    return np.stack([np.outer(radius, np.cos(angle)).ravel(), np.outer(radius, np.sin(angle)).ravel()])
+
+
+def held_cost(
+    sensor: SensorTraits, scans: Scans, prior: TrimFilter, table: AutotrackParams, taken: ArrayLike
+) -> SensorCost:
+    """Return what a sensor costs that needs these times (targets,) until it holds its target."""
+    scan, power = ScanPatterns(scans), 1.0
+    scan.begin(sensor.name, 0.0, prior, None)
+    if scan.running:
+        offsets = scan.at(RAMPED_S + np.arange(0.0, SCAN_S, SAMPLE_S), None)[0]
+        power = float(np.mean(received_power(np.hypot(*offsets.T), scans.spiral.half_power_beamwidth_rad)))
+    mean_s, most_s = float(np.mean(taken)), float(np.quantile(taken, PROMISED))
     return SensorCost(
         acquisition_s=mean_s, power=power, memory_s=table.coast_s, unheld_s=mean_s, unheld_90_s=most_s, power_90=power,
         search_rad_s=scans.spiral.rate_rad_s,
@@ -282,9 +295,8 @@ def array_cost(
     if heard.any():
         noise, bias = np.array([direction_sigmas_rad(array, level) for level in parts[heard].tolist()]).T
         drawn = random_stream(1, "array_cost").standard_normal((round(SCAN_S / loop.sample_s), 2 * COPIES, len(noise)))
-        variance = np.mean(
-            np.square(loop_offsets_rad(loop, noise * drawn)[round(RAMPED_S / loop.sample_s) :]), axis=(0, 1)
-        )
+        settled = loop_offsets_rad(loop, noise * drawn)[round(RAMPED_S / loop.sample_s) :]
+        variance = np.mean(np.square(settled), axis=(0, 1))
         powers[heard] = [_mean_power(each * np.eye(2), beamwidth_rad) for each in (variance + bias**2).tolist()]
     return SensorCost(power=float(np.mean(powers)), power_90=float(np.min(powers)))
 

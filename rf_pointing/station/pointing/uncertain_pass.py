@@ -14,7 +14,7 @@ import numpy as np
 
 from rf_pointing.core import LEVEL, MU, Array, Kinematics, Mode, random_stream, received_power
 from rf_pointing.planning import PassProfile, SensorCost
-from rf_pointing.station.pointing.scan_patterns import RINGS, SPOKES, ScanPatterns, Scans
+from rf_pointing.station.pointing.scan_patterns import PROMISED, ScanPatterns, Scans, held_cost, unit_targets
 from rf_pointing.tracking import AutotrackParams, SkyMotion, TrackPath, TrimFilter, TrimParams, direction_rows
 from rf_pointing.tracking.sensors import SensorTraits
 
@@ -27,8 +27,6 @@ RETURN_S, PULL_S = 4.0, 6.0
 # Beamwidths off the axis at which a feed that stares believes its error, and to which a search
 # counts a carrier: a real dish has its first null there.
 STARED, MAIN_BEAM = 0.75, 1.2
-# What certificates promise.
-PROMISED = 0.9
 
 
 def uncertain_cost(
@@ -57,25 +55,13 @@ def uncertain_cost(
         )  # fmt: skip
     levels = np.interp(times, profile.t_s, levels_db_hz) if len(levels_db_hz) else np.full(len(times), STRONG_DB_HZ)
     taken = _found_after_s(sensor, scans, prior, table, times, errors, path, fine, levels)
-    power_of_scan = 1.0
-    scan = ScanPatterns(scans)
-    scan.begin(sensor.name, 0.0, TrimFilter(prior), None)
-    if scan.running:
-        offsets = scan.at(10.0 + np.arange(0.0, 60.0, 0.05), None)[0]
-        power_of_scan = float(np.mean(received_power(np.hypot(*offsets.T), beamwidth)))
-    mean_s, most_s = float(np.mean(taken)), float(np.quantile(taken, PROMISED))
-    return SensorCost(
-        acquisition_s=mean_s, power=power_of_scan, memory_s=table.coast_s, unheld_s=mean_s, unheld_90_s=most_s,
-        power_90=power_of_scan, search_rad_s=scans.spiral.rate_rad_s,
-    )  # fmt: skip
+    return held_cost(sensor, scans, TrimFilter(prior), table, taken)
 
 
 def _errors_rad(times: Array, path: TrackPath, fine: PassProfile, prior: TrimParams) -> Array:
     """Return where the targets are from the prediction (targets, n, 2)."""
-    quantiles = (np.arange(RINGS) + 0.5) / RINGS
-    radius, angle = np.sqrt(-2.0 * np.log1p(-quantiles)), 2.0 * math.pi * (np.arange(SPOKES) + 0.5) / SPOKES
-    ahead_s = prior.along_track_s * np.outer(radius, np.cos(angle)).ravel()
-    left_m = prior.cross_track_m * np.outer(radius, np.sin(angle)).ravel()
+    ahead, left_of = unit_targets()
+    ahead_s, left_m = prior.along_track_s * ahead, prior.cross_track_m * left_of
     biases = prior.bias_rad * random_stream(1, "biases of the mount").standard_normal((len(ahead_s), 2))
     range_m, found = np.interp(times, fine.t_s, fine.range_m), []
     for tau_s, across_m, bias in zip(ahead_s.tolist(), left_m.tolist(), biases, strict=True):

@@ -47,7 +47,8 @@ class RadioControl:
         receive, transmit = radio.receive, radio.transmit
         self._receive_dial = Dial(receive or RigSection())
         self._transmit_dial = Dial(transmit or RigSection())
-        split = receive is not None and transmit is not None and _place(receive) == _place(transmit)
+        places = [(rig.host, rig.port) for rig in (receive, transmit) if rig]
+        split = len(places) == 2 and places[0] == places[1]
         self._receiver = make_rig(_link(receive), sends=split, split=split) if receive else None
         apart = transmit if not split else None
         self._transmitter = make_rig(_link(apart), sends=True) if apart else None
@@ -211,12 +212,8 @@ class RadioControl:
         self.inhibit = self._reason(wall_s)
         self._line.step(not self.inhibit, wall_s)
         rig = self._transmitter
-        if (
-            self.inhibit
-            and rig is not None
-            and rig.keyed
-            and wall_s - self._unkeyed_s > UNKEY_AGAIN_S
-        ):
+        again = wall_s - self._unkeyed_s > UNKEY_AGAIN_S
+        if self.inhibit and rig is not None and rig.keyed and again:
             self._unkeyed_s, self._tries, self.unkeyed = wall_s, self._tries + 1, self.unkeyed + 1
             self._say(f"the transmitter is unkeyed: {self.inhibit}")
             rig.key(False, wall_s)
@@ -274,10 +271,6 @@ class RadioControl:
             words = f"no frequency: {name or 'no target'} {why}"
             return Report(Level.WARN if name else Level.OK, words, values)
         return Report(Level.OK, f"follows {self._motion.name}{self._slow(rig)}", values)
-
-
-def _place(rig: RigSection) -> tuple[str, int]:
-    return rig.host, rig.port
 
 
 def _link(rig: RigSection) -> LinkParams:

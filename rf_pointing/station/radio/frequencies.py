@@ -54,9 +54,8 @@ class Channel(NamedTuple):
     def of(cls, section: TransponderSection) -> "Channel":
         """Return the channel of a section of the description."""
         up_hz = None if section.uplink_mhz is None else 1e6 * section.uplink_mhz
-        return cls(
-            1e6 * section.downlink_mhz, up_hz, 500.0 * section.passband_khz, section.inverting
-        )
+        half_hz = 500.0 * section.passband_khz
+        return cls(1e6 * section.downlink_mhz, up_hz, half_hz, section.inverting)
 
     def uplink_hz(self, above_hz: float) -> float | None:
         """Return the uplink of a point of the downlink so far above its middle."""

@@ -74,7 +74,6 @@ class Service:
         self._before: Sample | None = None
         self._moved_s, self._peaked_s = -math.inf, -math.inf
         self._steps: list[Array] = []
-        self._goal: Array | None = None
         self._usual_db: float | None = None
         self._hold, self._shared_s = np.zeros(2), -math.inf
         self.learned = False
@@ -122,11 +121,8 @@ class Service:
                 self._levels.popleft()
         here = self._sample(beam)
         if self._before is not None or self._steps:
-            if (
-                seen
-                and here is None
-                and t_s - self._moved_s < self.params.settle_s + 2.0 * self.params.measure_s
-            ):
+            longest_s = self.params.settle_s + 2.0 * self.params.measure_s
+            if seen and here is None and t_s - self._moved_s < longest_s:
                 self.state = "measures"
                 return None
             if self._before is not None and here is not None:
@@ -147,11 +143,10 @@ class Service:
         off = np.abs(target - beam)
         kept = "from memory, the Sun is behind it" if outage else "from memory, no beacon"
         self.state = "rests" if seen else f"rests {kept}"
-        if not np.any(off > self._hold_rad(t_s)):
+        far = off > self._hold_rad(t_s)
+        if not np.any(far):
             return None
-        return self._go(
-            t_s, beam, np.where(off > self._hold_rad(t_s), self._resting(t_s), beam), here
-        )
+        return self._go(t_s, beam, np.where(far, self._resting(t_s), beam), here)
 
     def _peak(self, t_s: float, beam: Array, target: Array, here: Sample) -> Pair:
         """Move one axis across the target, then the other, then both to where the beam may rest."""
@@ -164,7 +159,7 @@ class Service:
     def _go(self, t_s: float, beam: Array, goal: Array, here: Sample | None) -> Pair:
         # Each axis has a motor of its own: it starts only where it moves.
         self.starts += np.abs(goal - beam) > 1e-3 * self.motion.half_power_beamwidth_rad
-        self._before, self._moved_s, self._goal = here, t_s, goal
+        self._before, self._moved_s = here, t_s
         self._levels.clear()
         self.state = "moves"
         return self._direction(t_s, goal)
@@ -193,9 +188,8 @@ class Service:
             speed = np.abs(np.diff(self.motion.at(t_s + DAY_S), axis=0)).sum(axis=0)
             share = np.cbrt(np.maximum(speed, FEWEST_WIDTHS_A_DAY * width_rad))
             self._shared_s = t_s
-            self._hold = (
-                self.params.hold_beams * width_rad * share * math.sqrt(2.0 / float(share @ share))
-            )
+            even = math.sqrt(2.0 / float(share @ share))
+            self._hold = self.params.hold_beams * width_rad * share * even
         return self._hold
 
     def _sigma_beams(self, t_s: float) -> float:
@@ -260,7 +254,6 @@ class ServiceDesk:
 
     def keep(self) -> str:
         """Write what was learned; return why that is not possible, "" if it was."""
-        self._state.keep(
-            {**self._state.recover(), **{each.name: each.values for _, each in self._rows}}
-        )
+        learned = {each.name: each.values for _, each in self._rows}
+        self._state.keep({**self._state.recover(), **learned})
         return self._state.problem

@@ -56,13 +56,12 @@ class SiderealMotion:
     daily_rad: float
     t_s: float = 0.0
     mean: Array = field(default_factory=lambda: np.zeros(2 * TERMS))
-    covariance: Array | None = None
+    covariance: Array = field(init=False)
     manoeuvres: int = 0
     _outliers: int = 0
 
     def __post_init__(self) -> None:
-        if self.covariance is None:
-            self.covariance = np.diag(self._prior_rad**2)
+        self.covariance = np.diag(self._prior_rad**2)
 
     @property
     def _prior_rad(self) -> Array:
@@ -75,7 +74,6 @@ class SiderealMotion:
 
     def covariance_rad2(self, t_s: float) -> Array:
         """Return the covariance (2, 2) of the offset at a time."""
-        assert self.covariance is not None
         rows = _rows(t_s)
         grown = self.covariance + self._wander(t_s)
         return np.asarray(rows @ grown @ rows.T)
@@ -89,7 +87,6 @@ class SiderealMotion:
 
         Return whether they fit what is known; those that do not are left out.
         """
-        assert self.covariance is not None
         slope = 10.0 * MU / math.log(10.0) / self.half_power_beamwidth_rad**2
         self.covariance = self.covariance + self._wander(after.t_s)
         self.t_s = after.t_s
@@ -118,7 +115,6 @@ class SiderealMotion:
 
     def place(self, t_s: float, offset_rad: Array, sigma_rad: float) -> None:
         """Take the target to be at an offset (2,) at a time, to `sigma_rad`."""
-        assert self.covariance is not None
         # The same update for both offsets at once.
         rows = _rows(t_s)
         shared = rows @ self.covariance
@@ -129,7 +125,6 @@ class SiderealMotion:
 
     def values(self) -> dict[str, Any]:
         """Return what is kept over a restart, as plain numbers."""
-        assert self.covariance is not None
         return {"t_s": self.t_s, "mean": self.mean.tolist(), "covariance": self.covariance.tolist()}
 
     def restore(self, kept: dict[str, Any]) -> None:
@@ -154,13 +149,10 @@ def _terms(mean_rad: float, swing_rad: float) -> Array:
 
 def _waves(times: Array | float) -> Array:
     """Return the terms (..., TERMS) of one axis at times (...)."""
-    phase = np.multiply.outer(
-        np.asarray(times) * (math.tau / SIDEREAL_DAY_S), np.arange(1, HARMONICS + 1)
-    )
-    ones = np.ones((*np.shape(times), 1))
-    pairs = np.stack([np.cos(phase), np.sin(phase)], axis=-1).reshape(
-        *np.shape(times), 2 * HARMONICS
-    )
+    turned, shape = np.asarray(times) * (math.tau / SIDEREAL_DAY_S), np.shape(times)
+    phase = np.multiply.outer(turned, np.arange(1, HARMONICS + 1))
+    ones = np.ones((*shape, 1))
+    pairs = np.stack([np.cos(phase), np.sin(phase)], axis=-1).reshape(*shape, 2 * HARMONICS)
     return np.concatenate([ones, pairs], axis=-1)
 
 

@@ -243,7 +243,7 @@ def test_a_new_model_in_the_middle_of_a_pass_does_not_start_the_lags_again(
     before = path.at(late, buffer, model, near_rad).position[-1]
     path.clear()
     np.testing.assert_allclose(path.at(late[-1:], buffer, model, near_rad).position[0], before, atol=1e-12)
-    path.restart()
+    path.slew()
     resting = held(buffer.at(late[-1:]), without_lags(model), near_rad).position[0]
     np.testing.assert_allclose(path.at(late[-1:], buffer, model, near_rad).position[0], resting, atol=1e-12)
     assert np.max(np.abs(before - resting)) > math.radians(0.2)
