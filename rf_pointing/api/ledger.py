@@ -398,10 +398,8 @@ def budget(
         _default(own, "antenna_servo", "wind.mean_speed_m_s", wind_m_s)
     case = PlannedCase(station, one, chosen, seed, own)
     setup = case.setup()
-    mount, error_deg = (
-        setup.sets("antenna_servo")["mount"].model(setup.model.mount),
-        station.description.content.bands[station.band].model_error_deg,
-    )
+    mount = setup.sets("antenna_servo")["mount"].model(setup.model.mount)
+    error_deg = station.description.content.bands[station.band].model_error_deg
     # A mount without errors of its own is off by what the band tolerates.
     if mount == setup.model:
         for name in ("collimation", "elevation_offset"):

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 MAX_AGE_S = SourceParams().max_age_days * DAY_S
 """Age from the epoch beyond which elements are refused."""
+ELEMENTS_HELP = "elements: a file, a folder, or an http(s) address, which is requested at most every 2 h"
 FIRST_SATELLITE = "28057"
 """The satellite that is meant when neither a place nor a name is given: CBERS-2."""
 

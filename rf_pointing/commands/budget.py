@@ -10,15 +10,14 @@ import argparse
 from typing import Any
 
 from rf_pointing.api.ledger import budget
-from rf_pointing.commands.options import add_options, ending_with_reason, requested, say
+from rf_pointing.commands.options import add_options, command, ending_with_reason, requested, say
 
 PROGRAM = "budget"
 
 
 def arguments() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
-    what = "Predict what the pointing loss of a pass will come from."
-    parser = argparse.ArgumentParser(allow_abbrev=False, prog=PROGRAM, description=what)
+    parser = command(PROGRAM, "Predict what the pointing loss of a pass will come from.")
     add_options(
         parser, "elements interpolation satellite station band start mask min-peak seed output",
         min_peak="take the first pass that rises to this elevation, in deg (default: 40)",

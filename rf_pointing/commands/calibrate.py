@@ -15,7 +15,8 @@ from functools import partial
 
 from rf_pointing.api import live
 from rf_pointing.api.requests import CALIBRATION_START, DEFAULT_MODELS, CalibrateRequest
-from rf_pointing.commands.options import ELEMENTS_HELP, add_options, between, ending_with_reason, named, requested
+from rf_pointing.api.target import ELEMENTS_HELP
+from rf_pointing.commands.options import add_options, between, command, ending_with_reason, named, requested
 from rf_pointing.commands.track import RUN
 from rf_pointing.core.modes import Sensor
 from rf_pointing.tracking.sensors import SENSORS
@@ -23,11 +24,7 @@ from rf_pointing.tracking.sensors import SENSORS
 
 def arguments() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
-    parser = argparse.ArgumentParser(
-        allow_abbrev=False,
-        prog="calibrate",
-        description="Calibrate the pointing model of a station, simulated or real.",
-    )
+    parser = command("calibrate", "Calibrate the pointing model of a station, simulated or real.")
     add = parser.add_argument
     add_options(parser, "station band")
     sensors = (*SENSORS, Sensor.AUTO)

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from rf_pointing.api.clock import check_clock
 from rf_pointing.api.replay import bags_of
-from rf_pointing.commands.options import ending_with_reason
+from rf_pointing.commands.options import command, ending_with_reason
 
 PROGRAM = "check_clock"
 
@@ -21,7 +21,7 @@ PROGRAM = "check_clock"
 def arguments() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
     what = "Find the error of a station's clock in recorded passes, and how late its parts are."
-    parser = argparse.ArgumentParser(allow_abbrev=False, prog=PROGRAM, description=what)
+    parser = command(PROGRAM, what)
     add = parser.add_argument
     add("bags", type=Path, nargs="+", metavar="BAG|FOLDER", help="recordings, or folders of them")
     add("--station", metavar="FILE|NAME", help="description (default: that next to the bag)")

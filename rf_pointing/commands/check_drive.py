@@ -16,7 +16,7 @@ import time
 from contextlib import ExitStack
 from pathlib import Path
 
-from rf_pointing.commands.options import between, ending_with_reason
+from rf_pointing.commands.options import between, command, ending_with_reason
 from rf_pointing.core import AXES, Line, Pair, read_parameter_files, with_leaves
 from rf_pointing.drives import Drive, DriveParams, make_drive
 from rf_pointing.drives.conformance import ConformanceCheck
@@ -111,9 +111,7 @@ def _print(lines: list[Line]) -> None:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        allow_abbrev=False, prog=PROGRAM, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = command(PROGRAM, __doc__)
     where = parser.add_mutually_exclusive_group(required=True)
     where.add_argument("--station", help="station description: a file, or a name that is shipped")
     where.add_argument("--params-file", type=Path, action="append", help="parameters of antenna_servo")

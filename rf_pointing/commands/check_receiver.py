@@ -8,12 +8,11 @@ one client.  Prints pass or FAIL for every property with what was measured; the 
 all passed, 1 when one failed, 2 when the receiver could not be made.
 """
 
-import argparse
 import sys
 import time
 
 from rf_pointing.api.requests import receiver_section
-from rf_pointing.commands.options import between, ending_with_reason
+from rf_pointing.commands.options import between, command, ending_with_reason
 from rf_pointing.receiver import SignalReceiver, SignalReceiverParams
 from rf_pointing.receiver.conformance import ReceiverCheck
 from rf_pointing.receiver.registry import SIMULATED, TOPIC
@@ -25,9 +24,7 @@ PROGRAM, TICK_S = "check_receiver", 0.02
 
 def main(argv: list[str] | None = None) -> None:
     """Entry point of `ros2 run rf_pointing check_receiver`."""
-    parser = argparse.ArgumentParser(
-        allow_abbrev=False, prog=PROGRAM, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = command(PROGRAM, __doc__)
     parser.add_argument("--station", required=True, help="station description: a file, or a name that is shipped")
     parser.add_argument("--band", help="(default: the station's)")
     parser.add_argument("--receiver", default="", help="address of another receiver, as rtl_tcp://localhost:1234")

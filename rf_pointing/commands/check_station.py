@@ -10,7 +10,7 @@ import math
 import sys
 from collections.abc import Iterable
 
-from rf_pointing.commands.options import ending_with_reason
+from rf_pointing.commands.options import command, ending_with_reason
 from rf_pointing.core import MDEG, Value, parameter_unit
 from rf_pointing.station.derive.band import Band
 from rf_pointing.station.derive.nodes import described_parameters
@@ -24,9 +24,7 @@ WIDE = 84
 
 def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     """Return the parsed command line."""
-    parser = argparse.ArgumentParser(
-        allow_abbrev=False, prog="check_station", description="Check a station description."
-    )
+    parser = command("check_station", "Check a station description.")
     add = parser.add_argument
     add("station", metavar="STATION", help=f"file, or one of {', '.join(shipped_stations())}")
     add("--band", help="band whose derived values are printed (default: the station's)")

@@ -5,7 +5,6 @@ requested when, and what replaces a kept file.
 Exit code 0: as fresh as the source allows; 1: an older file is kept; 2: there are no elements.
 """
 
-import argparse
 import json
 import sys
 import time
@@ -13,7 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from rf_pointing.commands.options import between, ending_with_reason, say
+from rf_pointing.commands.options import between, command, ending_with_reason, say
 from rf_pointing.core.dates import utc_text
 from rf_pointing.ephemeris.element_files import cache_folder
 from rf_pointing.ephemeris.fetching import HOUR_S, Outcome, age_text, fetched, kept_outcomes
@@ -58,9 +57,7 @@ def show(outcome: Outcome, now_s: float, what: str = "objects") -> None:
 
 def request_from(argv: list[str] | None = None) -> FetchRequest:
     """Return the request of a command line."""
-    parser = argparse.ArgumentParser(
-        allow_abbrev=False, prog=PROGRAM, description="Fetch elements and keep them as files."
-    )
+    parser = command(PROGRAM, "Fetch elements and keep them as files.")
     add = parser.add_argument
     add("addresses", nargs="*", metavar="URL", help="http(s) address (default: all that are kept)")
     add("--cache", metavar="DIR", default="", help="folder of the files, which --elements takes like any folder "

@@ -12,7 +12,7 @@ import time
 from pathlib import Path
 
 from rf_pointing.commands.fetch_elements import show
-from rf_pointing.commands.options import between, ending_with_reason, say
+from rf_pointing.commands.options import between, command, ending_with_reason, say, written
 from rf_pointing.core.secret_files import secret_in
 from rf_pointing.core.whole_file import write_whole
 from rf_pointing.ephemeris import Outcome, cache_folder, fetched, kept_outcomes
@@ -25,9 +25,7 @@ PROGRAM = "fetch_schedule"
 
 def options_from(argv: list[str] | None) -> argparse.Namespace:
     """Return the options of a command line."""
-    parser = argparse.ArgumentParser(
-        allow_abbrev=False, prog=PROGRAM, description="Fetch schedules and write them as passes."
-    )
+    parser = command(PROGRAM, "Fetch schedules and write them as passes.")
     add = parser.add_argument
     add("addresses", nargs="*", metavar="URL", help="http(s) address of jobs, a calendar or a list of passes "
         "(default: all that are kept)")  # fmt: skip
@@ -53,18 +51,13 @@ def options_from(argv: list[str] | None) -> argparse.Namespace:
     return given
 
 
-def write_files(files: dict[str, Path | None], passes: list[ScheduledPass], now_s: float) -> None:
+def write_files(given: argparse.Namespace, passes: list[ScheduledPass], now_s: float) -> None:
     """Write the passes of all addresses in the forms that are wanted."""
     require_each_once(passes)
-    forms = {
-        "csv": lambda: to_csv(passes),
-        "ics": lambda: to_calendar(passes, PROGRAM, now_s),
-        "ccsds": lambda: to_simple_schedule(passes, PROGRAM, now_s),
-    }
-    for name, path in files.items():
-        if path:
-            write_whole(path, forms[name]())
-            say(PROGRAM, str(path))
+    own = passes, PROGRAM, now_s
+    written(PROGRAM, given.csv, lambda path: write_whole(path, to_csv(passes)))
+    written(PROGRAM, given.ics, lambda path: write_whole(path, to_calendar(*own)))
+    written(PROGRAM, given.ccsds, lambda path: write_whole(path, to_simple_schedule(*own)))
 
 
 def secret_of(path: Path | None) -> str:
@@ -104,5 +97,5 @@ def main(argv: list[str] | None = None) -> None:
             show(outcome, now_s, "passes")
             if outcome.problem:
                 say(PROGRAM, outcome.problem)
-        write_files({"csv": given.csv, "ics": given.ics, "ccsds": given.ccsds}, passes, now_s)
+        write_files(given, passes, now_s)
     sys.exit(2 if any(o.state == "none" for o in outcomes) else int(any(o.problem for o in outcomes)))

@@ -16,8 +16,9 @@ from typing import Any, Literal
 
 from rf_pointing.api.calibration import ELECTRONS_PER_TECU, DataFiles, fitted, require_raw
 from rf_pointing.api.station import Station
+from rf_pointing.api.target import ELEMENTS_HELP
 from rf_pointing.calibration import TERM_NAMES, Ionosphere, read_model
-from rf_pointing.commands.options import ELEMENTS_HELP, add_options, ending_with_reason, requested, say_of_elements
+from rf_pointing.commands.options import add_options, command, ending_with_reason, requested, say_of_elements
 from rf_pointing.core import DAY_S, MDEG, RadioRefraction
 from rf_pointing.ephemeris.source import read_source
 from rf_pointing.station.campaign.offline_fit import FitRequest
@@ -41,9 +42,7 @@ class FitCommand:
 
 def arguments() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
-    parser = argparse.ArgumentParser(
-        allow_abbrev=False, prog="fit_bias_model", description="Fit the pointing model of an antenna."
-    )
+    parser = command("fit_bias_model", "Fit the pointing model of an antenna.")
     add = parser.add_argument
     add("files", nargs="*", type=Path, metavar="FILE", help="recording, CSV or TDM")
     add_options(parser, "station band")

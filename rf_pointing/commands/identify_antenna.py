@@ -14,7 +14,7 @@ from typing import Any
 
 from rf_pointing.api import live
 from rf_pointing.api.requests import IDLE_DEG_S, IdentifyRequest
-from rf_pointing.commands.options import add_options, between, ending_with_reason, requested
+from rf_pointing.commands.options import add_options, between, command, ending_with_reason, requested
 from rf_pointing.core import AXES
 from rf_pointing.identification import ExcitationParams
 
@@ -25,9 +25,7 @@ USUAL, QUICK = (8, 4, ExcitationParams().samples), (6, 2, 2048)
 def arguments() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
     usual = ExcitationParams()
-    parser = argparse.ArgumentParser(
-        allow_abbrev=False, prog="identify_antenna", description="Identify the antenna from its own motion."
-    )
+    parser = command("identify_antenna", "Identify the antenna from its own motion.")
     add = parser.add_argument
     add("--axes", nargs="+", choices=AXES, default=list(AXES), help="axes to drive, the lower one as azimuth (both)")
     add("--quick", action="store_true", help=f"4 min an axis: {QUICK[0]} sequences of {QUICK[2]}, {QUICK[1]} held out")

@@ -11,16 +11,14 @@ import argparse
 from pathlib import Path
 
 from rf_pointing.api.link_budget import LinkBudgetTable
-from rf_pointing.commands.options import add_options, ending_with_reason, requested, say, say_of_elements
+from rf_pointing.commands.options import add_options, command, ending_with_reason, requested, say_of_elements, written
 
 PROGRAM = "link_budget"
 
 
 def arguments() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
-    parser = argparse.ArgumentParser(
-        allow_abbrev=False, prog=PROGRAM, description="Print the link budget of a band of a station."
-    )
+    parser = command(PROGRAM, "Print the link budget of a band of a station.")
     add_options(parser, "elements interpolation satellite station band start mask")
     add = parser.add_argument
     add("--along-pass", action="store_true", help="along the first pass of --satellite, Sun and Moon included")
@@ -41,6 +39,4 @@ def main(argv: list[str] | None = None) -> None:
             raise ValueError(f"{target.name} has no pass over {station.name} in the 24 h after --start")
         table = LinkBudgetTable.of(station, found[0])
         print(table.to_json() if given["json"] else table)
-        if given["picture"]:
-            table.draw(given["picture"])
-            say(PROGRAM, str(given["picture"]))
+        written(PROGRAM, given["picture"], table.draw)

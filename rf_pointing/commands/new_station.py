@@ -3,12 +3,11 @@
 The options fill in what they say; the mount is that of a small antenna until you change it.
 """
 
-import argparse
 import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-from rf_pointing.commands.options import ending_with_reason
+from rf_pointing.commands.options import command, ending_with_reason
 from rf_pointing.core.checks import one_of
 from rf_pointing.station.description import StationError, station_from
 from rf_pointing.station.description.content import BandSection
@@ -101,9 +100,7 @@ def _quoted(name: str) -> str:
 
 def request_from(argv: list[str] | None = None) -> NewStation:
     """Return the request of a command line."""
-    parser = argparse.ArgumentParser(
-        allow_abbrev=False, prog="new_station", description="Print a station description to begin with."
-    )
+    parser = command("new_station", "Print a station description to begin with.")
     add = parser.add_argument
     add("--name", required=True, help="name of the station")
     add("--latitude", required=True, metavar="DEG", help="geodetic latitude, north positive")

@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeVar
 
-from rf_pointing.api.target import FIRST_SATELLITE, Target
+from rf_pointing.api.target import ELEMENTS_HELP, FIRST_SATELLITE, Target
 from rf_pointing.core import one_of, parse_utc
 from rf_pointing.ephemeris.source import unused
 from rf_pointing.station.description import DEFAULT_STATION, shipped_stations
@@ -25,6 +25,20 @@ def say_if(program: str, text: str) -> None:
     """Report a text that may be empty."""
     if text:
         say(program, text)
+
+
+def command(program: str, what: str | None) -> argparse.ArgumentParser:
+    """Return the parser of a program; a description of several lines is shown as it is written."""
+    layout = argparse.RawDescriptionHelpFormatter if what and "\n" in what else argparse.HelpFormatter
+    # Short forms of an option would change their meaning with the next one.
+    return argparse.ArgumentParser(allow_abbrev=False, prog=program, description=what, formatter_class=layout)
+
+
+def written(program: str, path: Path | None, write: Callable[[Path], object]) -> None:
+    """Write a file where one is wanted, and say which."""
+    if path:
+        write(path)
+        say(program, str(path))
 
 
 @contextmanager
@@ -110,7 +124,6 @@ def _namespace(text: str) -> str:
     return name
 
 
-ELEMENTS_HELP = "elements: a file, a folder, or an http(s) address, which is requested at most every 2 h"
 OPTIONS: dict[str, dict[str, Any]] = {
     "elements": {
         "metavar": "FILE|DIR|URL", "default": "", "help": f"{ELEMENTS_HELP} (default: verification set of sgp4)",

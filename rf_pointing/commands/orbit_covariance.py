@@ -15,8 +15,9 @@ from pathlib import Path
 from rf_pointing.api.orbit_study import UNITS, Place, orbit_covariance
 from rf_pointing.api.station import Station
 from rf_pointing.api.target import Target
-from rf_pointing.commands.options import add_options, between, ending_with_reason, refusing, say, say_of_elements
+from rf_pointing.commands.options import add_options, between, command, ending_with_reason, refusing, say_of_elements
 from rf_pointing.orbit.study import Considered
+from rf_pointing.station.log_lines import say
 
 PROGRAM = "orbit_covariance"
 
@@ -44,8 +45,7 @@ def _word(text: str) -> tuple[str, float]:
 
 def arguments() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
-    parser = argparse.ArgumentParser(allow_abbrev=False, prog=PROGRAM,
-        description="Print what a network would know of an orbit.")  # fmt: skip
+    parser = command(PROGRAM, "Print what a network would know of an orbit.")
     add = parser.add_argument
     add("--stations", nargs="+", required=True, type=refusing(_place),
     metavar="FILE|NAME|NAME=LAT,LON",

@@ -18,16 +18,16 @@ from pathlib import Path
 from rf_pointing.api.orbits import orbit_from_passes
 from rf_pointing.api.station import Station
 from rf_pointing.api.target import Target
-from rf_pointing.commands.options import add_options, between, ending_with_reason, refusing, say, say_of_elements
+from rf_pointing.commands.options import add_options, between, command, ending_with_reason, refusing, say_of_elements
 from rf_pointing.core.dates import DAY_S, parse_utc
+from rf_pointing.station.log_lines import say
 
 PROGRAM = "orbit_from_passes"
 
 
 def arguments() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
-    parser = argparse.ArgumentParser(allow_abbrev=False, prog=PROGRAM,
-        description="Determine an orbit from your own passes.")  # fmt: skip
+    parser = command(PROGRAM, "Determine an orbit from your own passes.")
     add = parser.add_argument
     add("files", nargs="+", type=Path, metavar="FILE", help="recording, TDM or CSV")
     add_options(

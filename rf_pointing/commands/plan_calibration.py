@@ -20,7 +20,7 @@ from rf_pointing.api.station import Station
 from rf_pointing.api.target import Target
 from rf_pointing.calibration import CandidatePass, PassPriors, SectorRule, Slew
 from rf_pointing.calibration.terms import names_of
-from rf_pointing.commands.options import add_options, ending_with_reason, requested, say, say_of_elements
+from rf_pointing.commands.options import add_options, command, ending_with_reason, requested, say, say_of_elements
 from rf_pointing.core import MDEG, require_between, utc_text
 from rf_pointing.ephemeris import read_source, verification_elements
 from rf_pointing.station.campaign.plan import ArcRules, beacons, candidate_arcs
@@ -115,7 +115,7 @@ def advice(request: CampaignRequest, candidates: list[CandidatePass]) -> int:
 
 def arguments() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
-    parser = argparse.ArgumentParser(allow_abbrev=False, prog=PROGRAM, description="Plan a calibration campaign.")
+    parser = command(PROGRAM, "Plan a calibration campaign.")
     add = parser.add_argument
     add_options(parser, "elements")
     add("--beacons", action="store_true", help="the simulated sky of `calibrate` instead of a catalogue")

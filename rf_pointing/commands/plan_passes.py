@@ -19,11 +19,13 @@ from rf_pointing.api.target import every_satellite
 from rf_pointing.commands.options import (
     add_options,
     between,
+    command,
     ending_with_reason,
     requested,
     say,
     say_if,
     say_of_elements,
+    written,
 )
 from rf_pointing.commands.plans_of_many import (
     PROGRAM,
@@ -64,18 +66,16 @@ def plan_one(request: PlanRequest) -> None:
     if wanted:
         say_if(PROGRAM, wanted[-1].one.warning)
     if request.oem:
-        text = target.to_oem(start_t_s=start_t_s, duration_s=request.span["hours"] * 3600.0, created_t_s=time.time())
-        write_whole(request.oem, text)
-        say(PROGRAM, str(request.oem))
-    if request.picture:
-        draw_certificates(wanted, station, request.picture)
-        say(PROGRAM, str(request.picture))
+        duration_s = request.span["hours"] * 3600.0
+        text = target.to_oem(start_t_s=start_t_s, duration_s=duration_s, created_t_s=time.time())
+        written(PROGRAM, request.oem, lambda path: write_whole(path, text))
+    written(PROGRAM, request.picture, partial(draw_certificates, wanted, station))
 
 
 def arguments() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
     what = "Plan the coming passes of a satellite, or of many satellites for one antenna, with certificates."
-    parser = argparse.ArgumentParser(allow_abbrev=False, prog=PROGRAM, description=what)
+    parser = command(PROGRAM, what)
     add_options(parser, "elements interpolation satellite station band start mask")
     many = parser.add_mutually_exclusive_group()
     many.add_argument("--satellites", nargs="+", metavar="NAME|NUMBER|FILE", help="plan these satellites together; a "

@@ -10,7 +10,7 @@ from rf_pointing.api.network import NetworkPlan, plan_network
 from rf_pointing.api.plan import Plan
 from rf_pointing.api.station import Station
 from rf_pointing.api.target import Target
-from rf_pointing.commands.options import between, say, say_if
+from rf_pointing.commands.options import between, say, say_if, written
 from rf_pointing.core.whole_file import write_whole
 from rf_pointing.operations.pass_list import read_passes, to_simple_schedule
 
@@ -47,9 +47,7 @@ def plan_many(request: PlanRequest, targets: list[Target]) -> None:
         say(PROGRAM, f"{one.name} {reason}")
     say_if(PROGRAM, plan.warning())
     write_files(request, plan)
-    if request.picture:
-        plan.draw(request.picture)
-        say(PROGRAM, str(request.picture))
+    written(PROGRAM, request.picture, plan.draw)
 
 
 def plan_stations(request: PlanRequest, targets: list[Target], network: dict[str, Any]) -> None:
@@ -72,16 +70,14 @@ def plan_stations(request: PlanRequest, targets: list[Target], network: dict[str
 
 def write_files(request: PlanRequest, plan: Plan | NetworkPlan) -> None:
     """Write table, calendar and simple schedule of a plan of many satellites."""
-    if request.csv:
-        write_whole(request.csv, plan.to_csv())
-        say(PROGRAM, str(request.csv))
-    if request.ics:
-        write_whole(request.ics, plan.to_calendar())
-        say(PROGRAM, str(request.ics))
-    if request.ccsds:
+
+    def write_schedule(path: Path) -> None:
         passes = read_passes(plan.to_csv(), every=False)
-        write_whole(request.ccsds, to_simple_schedule(passes, request.station.name, time.time()))
-        say(PROGRAM, str(request.ccsds))
+        write_whole(path, to_simple_schedule(passes, request.station.name, time.time()))
+
+    written(PROGRAM, request.csv, lambda path: write_whole(path, plan.to_csv()))
+    written(PROGRAM, request.ics, lambda path: write_whole(path, plan.to_calendar()))
+    written(PROGRAM, request.ccsds, write_schedule)
 
 
 def add_network_options(parser: argparse.ArgumentParser) -> None:

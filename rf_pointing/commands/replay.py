@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from rf_pointing.api.replay import WINDS, WORSE, bags_of, replay
-from rf_pointing.commands.options import ending_with_reason, named, refusing, say
+from rf_pointing.commands.options import command, ending_with_reason, named, refusing, say
 
 PROGRAM = "replay"
 OWN = ("station", "params", "model", "law", "estimator", "sensor", "wind", "namespace")
@@ -33,9 +33,7 @@ def _allowed(text: str) -> tuple[str, float]:
 def arguments() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
     usual = ", ".join(f"{name}={amount:g}" for name, amount in WORSE.items())
-    parser = argparse.ArgumentParser(
-        allow_abbrev=False, prog=PROGRAM, description="Replay recorded passes, as they were and with other parameters."
-    )
+    parser = command(PROGRAM, "Replay recorded passes, as they were and with other parameters.")
     add = parser.add_argument
     add("bag", type=Path, metavar="BAG|FOLDER", help="a recording, or a folder of them")
     add("--params", type=Path, metavar="FILE", help="changed parameters, a ROS parameter file")

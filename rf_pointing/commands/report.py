@@ -11,13 +11,13 @@ from collections.abc import Callable
 from pathlib import Path
 
 from rf_pointing.api.recording import EXPORTS, Recording
-from rf_pointing.commands.options import ending_with_reason
+from rf_pointing.commands.options import command, ending_with_reason
 
 
 def request_from(argv: list[str] | None = None) -> Callable[[], list[Path]]:
     """Return the request of a command line: what writes files and returns them."""
     what = "Write the HTML report and the summary of a recorded bag, or export its data."
-    parser = argparse.ArgumentParser(allow_abbrev=False, prog="report", description=what)
+    parser = command("report", what)
     add = parser.add_argument
     add("bag", type=Path, help="directory of a rosbag2 bag")
     add("--output", type=Path, help="folder to write to (default: the folder of the bag; export below it)")

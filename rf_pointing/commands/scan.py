@@ -18,9 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from rf_pointing.api.target import Target
-from rf_pointing.commands.options import add_options, between, ending_with_reason, refusing, requested, say
-from rf_pointing.commands.options import seed as seed_of
-from rf_pointing.core.dates import parse_utc
+from rf_pointing.commands.options import add_options, between, command, ending_with_reason, requested, say
 from rf_pointing.radiometry.sources import FLUX_SOURCES
 from rf_pointing.tracking.scan_program import FRAMES, PATTERNS
 
@@ -67,21 +65,17 @@ def live_scan(client: Any, **given: Any) -> bool:
 
 def arguments() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
-    text = "Scan sources with a simulated station."
-    parser = argparse.ArgumentParser(allow_abbrev=False, prog=PROGRAM, description=text)
+    parser = command(PROGRAM, "Scan sources with a simulated station.")
     add = parser.add_argument
     add("targets", nargs="+", help=f"{', '.join(FLUX_SOURCES)}, or satellites of --elements")
     add_options(parser, "elements station band")
     add("--model", dest="bias_model", type=Path, metavar="FILE",
         help="bias model in force (default: the station's)")  # fmt: skip
-    add(
-        "--start", dest="start_s", required=True, metavar="UTC", type=refusing(parse_utc),
-        help="begin of the first scan",
-    )  # fmt: skip
+    add_options(parser, "start", start={"required": True, "help": "begin of the first scan"})
     add("--count", type=int, default=1, metavar="N", help="scans (default: 1)")
     add("--every", type=between(0.1, 1440.0), default=20.0, metavar="MIN",
         help="from scan to scan (default: 20)")  # fmt: skip
-    add("--seed", type=seed_of, default=1, help="seed of every noise source (default: 1)")
+    add_options(parser, "seed", seed={"default": 1, "help": "seed of every noise source (default: 1)"})
     add_pattern(add)
     return parser
 

@@ -14,15 +14,14 @@ from typing import Any
 
 from rf_pointing.api.ensemble import ensemble
 from rf_pointing.api.satellite_list import satellites
-from rf_pointing.commands.options import add_options, ending_with_reason, requested, say
+from rf_pointing.commands.options import add_options, command, ending_with_reason, requested, say
 
 PROGRAM = "simulate"
 
 
 def arguments() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
-    what = "Fly every pass of some days with wind, noise and old elements."
-    parser = argparse.ArgumentParser(allow_abbrev=False, prog=PROGRAM, description=what)
+    parser = command(PROGRAM, "Fly every pass of some days with wind, noise and old elements.")
     add_options(
         parser, "elements satellite station band start min-peak seed output",
         min_peak="only passes that rise to this elevation, in deg",

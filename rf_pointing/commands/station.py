@@ -32,7 +32,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from rf_pointing.commands.options import add_options, between, ending_with_reason, named, refusing
+from rf_pointing.commands.options import add_options, between, command, ending_with_reason, named, refusing
 from rf_pointing.commands.scan import add_pattern, live_scan
 from rf_pointing.core import DATA_BYTES, leaves, parse_utc, read_whole
 from rf_pointing.ephemeris.target_offsets import TargetOffsets
@@ -85,7 +85,7 @@ def _hour(text: str) -> float:
 def request_of(argv: list[str] | None = None) -> StationRequest:
     """Return the request of a command line."""
     load_trackers()
-    parser = argparse.ArgumentParser(allow_abbrev=False, prog="station", description="Operate a running station.")
+    parser = command("station", "Operate a running station.")
     add_options(parser, "namespace")
     parser.add_argument(
         "--key", type=_file, metavar="FILE", help="key of the commands (default: that of antenna_servo)"

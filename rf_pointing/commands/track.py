@@ -17,7 +17,7 @@ from typing import Any
 from rf_pointing.api import live
 from rf_pointing.api.requests import DEFAULT_MODELS, DesignateRequest, TrackRequest
 from rf_pointing.api.target import Target
-from rf_pointing.commands.options import add_options, ending_with_reason, named, requested
+from rf_pointing.commands.options import add_options, command, ending_with_reason, named, requested
 from rf_pointing.tracking.sensors import SENSOR_CHOICES, load_trackers
 
 RUN = "speed seed reset-fault receiver processes ephemeris-error models namespace params-file output"
@@ -27,9 +27,7 @@ RUN = "speed seed reset-fault receiver processes ephemeris-error models namespac
 def arguments() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
     load_trackers()
-    parser = argparse.ArgumentParser(
-        allow_abbrev=False, prog="track", description="Track one satellite pass with a station, simulated or real."
-    )
+    parser = command("track", "Track one satellite pass with a station, simulated or real.")
     add_options(
         parser, "elements interpolation satellite station band start mask min-peak",
         min_peak={"default": 40.0, "help": "least peak elevation in deg (default: 40)"},

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from rf_pointing.api.station import Station
 from rf_pointing.api.tuning import tune
-from rf_pointing.commands.options import between, ending_with_reason, say
+from rf_pointing.commands.options import between, command, ending_with_reason, say
 from rf_pointing.station.antenna.tuning import MOST_SENSITIVE, USUAL_WIND_M_S
 from rf_pointing.station.description import shipped_stations
 
@@ -22,9 +22,7 @@ PROGRAM = "tune"
 
 def arguments() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
-    parser = argparse.ArgumentParser(
-        allow_abbrev=False, prog=PROGRAM, description="Tune the position loops of an antenna."
-    )  # fmt: skip
+    parser = command(PROGRAM, "Tune the position loops of an antenna.")
     add = parser.add_argument
     add("models", metavar="MODELS", nargs="?", type=Path, help="models.json of identify_antenna")
     add("--station", metavar="FILE|NAME", help=f"station description: your file, or {', '.join(shipped_stations())}")

@@ -118,22 +118,13 @@ def labelled(of_antennas: Mapping[str, Sequence[Family]]) -> list[Family]:
 
 def page_metrics(viewers: int, commands: int, refused: int) -> list[Family]:
     """Return what the page counts of itself."""
+    counts = (
+        ("page_commands", "Commands of viewers since the page started.", commands),
+        ("page_refusals", "Requests refused since the page started.", refused),
+    )
     return [
-        Family("page_viewers", "", "Viewers of the page now.", [({}, viewers)]),
-        Family(
-            "page_commands",
-            "",
-            "Commands of viewers since the page started.",
-            [({}, commands)],
-            "counter",
-        ),
-        Family(
-            "page_refusals",
-            "",
-            "Requests refused since the page started.",
-            [({}, refused)],
-            "counter",
-        ),
+        _value("page_viewers", "", "Viewers of the page now.", viewers),
+        *(_value(name, "", words, count, "counter") for name, words, count in counts),
     ]
 
 
@@ -141,80 +132,46 @@ def _antenna(live: Mapping[str, Any], axes: Sequence[str]) -> list[Family]:
     commanded = [live.get(f"{axis}_deg", math.nan) for axis in AXES]
     encoders = live.get("encoder_deg") or (math.nan, math.nan)
     errors = [there - here for there, here in zip(commanded, encoders, strict=True)]
+    rates, limits = (live.get(name, ()) for name in ("rate_deg_s", "rate_limit_deg_s"))
+    deg, deg_s = "degrees", "degrees_per_second"
     rows = (
-        (
-            "axis_position",
-            "degrees",
-            "Encoder of an axis; the turn of the cables counts.",
-            encoders,
-        ),
-        ("axis_command", "degrees", "Commanded position of an axis.", commanded),
-        ("axis_error", "degrees", "Commanded position of an axis less its encoder.", errors),
-        (
-            "axis_rate",
-            "degrees_per_second",
-            "Rate that is commanded to an axis.",
-            live.get("rate_deg_s", ()),
-        ),
-        (
-            "axis_rate_limit",
-            "degrees_per_second",
-            "Largest rate of an axis.",
-            live.get("rate_limit_deg_s", ()),
-        ),
+        ("axis_position", deg, "Encoder of an axis; the turn of the cables counts.", encoders),
+        ("axis_command", deg, "Commanded position of an axis.", commanded),
+        ("axis_error", deg, "Commanded position of an axis less its encoder.", errors),
+        ("axis_rate", deg_s, "Rate that is commanded to an axis.", rates),
+        ("axis_rate_limit", deg_s, "Largest rate of an axis.", limits),
     )
+    fault = bool(live.get("fault"))
     return [
         *(
             _gauge(name, unit, words, "axis", dict(zip(axes, values, strict=False)))
             for name, unit, words, values in rows
         ),
         _states("antenna_mode", "Mode of the antenna.", AntennaMode, live.get("antenna", "")),
-        Family(
-            "fault_latched",
-            "",
-            "Whether the antenna has a latched fault.",
-            [({}, bool(live.get("fault")))],
-        ),
+        _value("fault_latched", "", "Whether the antenna has a latched fault.", fault),
     ]
 
 
 def _tracking(live: Mapping[str, Any]) -> list[Family]:
-    found = [
-        _states("pointing_mode", "Mode of the pointing controller.", Mode, live.get("tracking", ""))
-    ]
+    mode = live.get("tracking", "")
+    found = [_states("pointing_mode", "Mode of the pointing controller.", Mode, mode)]
     if not live.get("target"):
         return found
     off = [each * live["beamwidth_deg"] for each in live.get("error_beamwidths", ())]
-    carrier = live.get("carrier_to_noise_db_hz", 0.0)
+    error_deg = math.hypot(*off) if off else math.nan
+    # 0 is what a station without a receiver reports.
+    level_db_hz = max(live.get("carrier_to_noise_db_hz", 0.0), 0.0) or math.nan
+    held_s, lost_s = live["seconds_tracked"], live["seconds_lost"]
     rows: tuple[tuple[str, str, str, float], ...] = (
-        (
-            "pointing_error",
-            "degrees",
-            "Angle between target and beam on the sky.",
-            math.hypot(*off) if off else math.nan,
-        ),
+        ("pointing_error", "degrees", "Angle between target and beam on the sky.", error_deg),
         ("beamwidth", "degrees", "Half-power beamwidth.", live["beamwidth_deg"] or math.nan),
-        # 0 is what a station without a receiver reports.
-        (
-            "carrier_to_noise",
-            "db_hz",
-            "Carrier to noise density of the target.",
-            carrier if carrier > 0.0 else math.nan,
-        ),
-        (
-            "pass_tracked",
-            "seconds",
-            "Time of this pass in which the target was held.",
-            live["seconds_tracked"],
-        ),
-        ("pass_lost", "seconds", "Time of this pass in which it was not.", live["seconds_lost"]),
+        ("carrier_to_noise", "db_hz", "Carrier to noise density of the target.", level_db_hz),
+        ("pass_tracked", "seconds", "Time of this pass in which the target was held.", held_s),
+        ("pass_lost", "seconds", "Time of this pass in which it was not.", lost_s),
         ("pass_loss", "db", "Mean pointing loss of this pass.", live["mean_loss_db"]),
         ("pass_held", "", "Whether the target is held.", float(live["held"])),
     )
-    return [
-        *found,
-        *(Family(name, unit, words, [({}, value)]) for name, unit, words, value in rows),
-    ]
+    return found + [_value(*row) for row in rows]
 
 
 def _alarms(rows: Sequence[Mapping[str, Any]]) -> list[Family]:
@@ -227,7 +184,7 @@ def _alarms(rows: Sequence[Mapping[str, Any]]) -> list[Family]:
     ]
     return [
         Family("alarm_lasts", "", "Alarms that last: 1 not acknowledged, 2 acknowledged.", alarms),
-        Family("alarms_lasting", "", "How many alarms last.", [({}, len(alarms))]),
+        _value("alarms_lasting", "", "How many alarms last.", len(alarms)),
     ]
 
 
@@ -235,18 +192,15 @@ def _gauge(name: str, unit: str, words: str, label: str, values: Mapping[str, fl
     return Family(name, unit, words, [({label: key}, value) for key, value in values.items()])
 
 
+def _value(name: str, unit: str, words: str, value: float, kind: str = "gauge") -> Family:
+    """Return a metric of one sample without labels."""
+    return Family(name, unit, words, [({}, value)], kind)
+
+
 def _states(name: str, words: str, known: Iterable[str], present: str) -> Family:
     """Return a state set: 1 for the present one; a registered tracker's may be one more."""
-    states = dict.fromkeys([*map(str, known), *([present] if present else [])], 0.0) | (
-        {present: 1.0} if present else {}
-    )
-    return Family(
-        name,
-        "",
-        words,
-        [({PREFIX + name: key}, value) for key, value in states.items()],
-        "stateset",
-    )
+    states = dict.fromkeys(map(str, known), 0.0) | ({present: 1.0} if present else {})
+    return replace(_gauge(name, "", words, PREFIX + name, states), kind="stateset")
 
 
 def _escaped(text: str) -> str:
