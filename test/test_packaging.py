@@ -43,7 +43,7 @@ def test_executable_has_a_main_in_the_module_of_its_name(name: str, room: str) -
     spec = importlib.util.find_spec(f"rf_pointing.{room}.{name}")
     assert spec is not None
     assert spec.origin is not None
-    assert re.search(r"^def main\(", Path(spec.origin).read_text(), re.MULTILINE)
+    assert re.search(r"^(def main\(|main = \w+\.main$)", Path(spec.origin).read_text(), re.MULTILINE)
 
 
 def test_launched_nodes_are_executables() -> None:

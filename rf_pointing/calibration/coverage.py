@@ -72,10 +72,8 @@ class SectorRule(Params):
 
 def on_the_sky(azimuth_rad: ArrayLike, elevation_rad: ArrayLike) -> tuple[Array, Array]:
     """Return the direction (n,) of axis angles (n,): of a dish over the top on the other side."""
-    azimuth, elevation = (
-        np.asarray(azimuth_rad, dtype=np.float64),
-        np.asarray(elevation_rad, dtype=np.float64),
-    )
+    azimuth = np.asarray(azimuth_rad, dtype=np.float64)
+    elevation = np.asarray(elevation_rad, dtype=np.float64)
     over = elevation > 0.5 * np.pi
     return np.where(over, azimuth + np.pi, azimuth), np.where(over, np.pi - elevation, elevation)
 

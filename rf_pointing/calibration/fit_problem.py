@@ -134,10 +134,8 @@ class FitProblem:
             Sharing.of(data, shared) if shared is not None and pass_priors is not None else None
         )
         self.linear = form == "printed"
-        angles, terms = (
-            ArrayAngles.of(data.motion(), data.temperature_k, data.mount),
-            terms_by_name(names),
-        )
+        angles = ArrayAngles.of(data.motion(), data.temperature_k, data.mount)
+        terms = terms_by_name(names)
         self.blocks = (
             Block.of(angles, [term.azimuth for term in terms]),
             Block.of(angles, [term.elevation for term in terms]),

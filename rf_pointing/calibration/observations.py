@@ -195,10 +195,8 @@ def _check_times(t_s: Array, pass_id: IntArray) -> None:
 
 def _check_angles(data: Observations) -> None:
     for kind in ("observed", "true"):
-        azimuth, elevation = (
-            getattr(data, f"{kind}_azimuth_rad"),
-            getattr(data, f"{kind}_elevation_rad"),
-        )
+        azimuth = getattr(data, f"{kind}_azimuth_rad")
+        elevation = getattr(data, f"{kind}_elevation_rad")
         outside = np.abs(azimuth) > _LARGEST_AZIMUTH_RAD
         _refuse_where(
             outside, f"{kind}_azimuth_rad", azimuth, "must be within 3 pi; degrees given?"

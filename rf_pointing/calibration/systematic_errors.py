@@ -462,11 +462,9 @@ def _named_from(scatter_s: float, count: int) -> float:
 
 def timed(priors: PassPriors | None) -> PassPriors:
     """Return priors in which a clock stands for the errors along the track."""
-    return (
-        PassPriors(clock_s=1.0)
-        if priors is None
-        else priors.replace(along_track_m=0.0, clock_s=1.0)
-    )
+    if priors is None:
+        return PassPriors(clock_s=1.0)
+    return priors.replace(along_track_m=0.0, clock_s=1.0)
 
 
 def _groups_of(late: Array, covariance: Array, sets: Places) -> Places:

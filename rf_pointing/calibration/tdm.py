@@ -265,10 +265,8 @@ def _unusable(segment: _Segment, key: str) -> str:
     """Return why the values of a keyword are left out, empty if they are not."""
     if key in _ANGLES:
         return ""
-    path, units = (
-        segment.metadata["PATH"].replace(" ", ""),
-        segment.metadata.get("RANGE_UNITS", "km"),
-    )
+    path = segment.metadata["PATH"].replace(" ", "")
+    units = segment.metadata.get("RANGE_UNITS", "km")
     if path not in _ONE_WAY:
         return f"left out of PATH={path}, only one-way is read"
     if key == "RANGE" and units != "km":

@@ -200,11 +200,7 @@ def _read_table(
     lines = read_whole(source, JOURNAL_BYTES, "utf-8-sig").splitlines()
     try:
         found, start = _read_notes(lines, notes)
-        header = (
-            [name.strip() for name in next(csv.reader([lines[start]]))]
-            if start < len(lines)
-            else []
-        )
+        header = [name.strip() for name in next(csv.reader(lines[start : start + 1]), [])]
         needed_of = {_named(name, mount): name for name in needed}
         _check_header(start + 1, header, list(needed_of), optional)
         rows = [

@@ -33,7 +33,6 @@ from typing import Any
 from rf_pointing.drives.registry import SIMULATED
 from rf_pointing.ros.antenna_server import AntennaServer
 from rf_pointing.ros.identification_server import IdentificationServer
-from rf_pointing.ros.main_loop import run
 from rf_pointing.ros.station_node import StationNode
 from rf_pointing.ros.station_watches import ExecutiveWatch
 from rf_pointing.ros.topic_drive import DriveConnection
@@ -67,10 +66,6 @@ class AntennaServo(StationNode):
         self._server = AntennaServer(self, value("key"), self._identification)
         operation = self._operation = AntennaOperation(antenna, memory, value("").wrap_file)
         self._server.serve(operation, lambda: int(value("loops").table.max_points))
-        if real and params.safety.wind.watched:
-            self._server.take_wind()
-        if value("").enable_fault_injection:
-            self._server.offer_faults()
         if real:
             self.diagnostics.add_report("device", lambda: operation.device_report(self.now_s()))
         self.diagnostics.add_report("oscillation", operation.oscillation_report)
@@ -145,6 +140,4 @@ class AntennaServo(StationNode):
             self._operation.antenna.retune(self.parameters.value("plant"), self.parameters.value("loops"))
 
 
-def main() -> None:
-    """Entry point of `ros2 run rf_pointing antenna_servo`."""
-    run(AntennaServo)
+main = AntennaServo.main

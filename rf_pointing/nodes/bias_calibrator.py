@@ -24,7 +24,6 @@ from std_srvs.srv import Trigger
 from rf_pointing.ros import convert
 from rf_pointing.ros.convert_calibration import fit_to_result, in_force_to_message
 from rf_pointing.ros.graph import TEMPERATURE
-from rf_pointing.ros.main_loop import run
 from rf_pointing.ros.managed import RESULT_TIMEOUT_S, conclude
 from rf_pointing.ros.one_goal import OneGoal
 from rf_pointing.ros.qos import LATCHED, STREAM
@@ -142,6 +141,4 @@ class BiasCalibrator(StationNode):
         return conclude(goal, result)
 
 
-def main() -> None:
-    """Entry point of `ros2 run rf_pointing bias_calibrator`."""
-    run(BiasCalibrator)
+main = BiasCalibrator.main

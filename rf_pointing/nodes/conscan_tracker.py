@@ -11,7 +11,6 @@ from sensor_msgs.msg import JointState
 
 from rf_pointing.ros import convert
 from rf_pointing.ros.diagnostics import OK, WARN, Health
-from rf_pointing.ros.main_loop import run
 from rf_pointing.ros.qos import STREAM
 from rf_pointing.ros.station_node import StationNode
 from rf_pointing.ros.streams import checked_message
@@ -55,13 +54,8 @@ class ConscanTrackerNode(StationNode):
     def _health(self) -> Health:
         rejected, reason = self._tracker.rejections
         values = {**self._counts, "rejected": rejected, "delay_s": round(self._tracker.delay_s, 4)}
-        return Health(
-            WARN if reason else OK,
-            reason or ("samples are used" if any(self._counts.values()) else "no sample yet"),
-            values,
-        )
+        sound = "samples are used" if any(self._counts.values()) else "no sample yet"
+        return Health(WARN if reason else OK, reason or sound, values)
 
 
-def main() -> None:
-    """Entry point of `ros2 run rf_pointing conscan_tracker`."""
-    run(ConscanTrackerNode)
+main = ConscanTrackerNode.main

@@ -28,7 +28,6 @@ from rf_pointing.ephemeris.target_offsets import OffsetSets, TargetOffsets
 from rf_pointing.planning import PassProfile
 from rf_pointing.ros import convert, convert_planning
 from rf_pointing.ros.graph import HUMIDITY, PRESSURE, SATELLITE_ATTITUDE, TEMPERATURE
-from rf_pointing.ros.main_loop import run
 from rf_pointing.ros.qos import LATCHED, STREAM
 from rf_pointing.ros.stamps import seconds_from_stamp, stamp_from_seconds
 from rf_pointing.ros.station_node import StationNode
@@ -144,6 +143,4 @@ class EphemerisPublisher(StationNode):
             self.prediction.set(value("source"), self.now_s())
 
 
-def main() -> None:
-    """Entry point of `ros2 run rf_pointing ephemeris_publisher`."""
-    run(EphemerisPublisher)
+main = EphemerisPublisher.main

@@ -15,7 +15,6 @@ from sensor_msgs.msg import JointState
 from rf_pointing.core import Sensor
 from rf_pointing.ros import convert
 from rf_pointing.ros.diagnostics import OK, WARN, Health
-from rf_pointing.ros.main_loop import run
 from rf_pointing.ros.qos import STREAM
 from rf_pointing.ros.station_node import StationNode
 from rf_pointing.ros.streams import checked_message
@@ -29,7 +28,6 @@ class MonopulseTrackerNode(StationNode):
         super().__init__("monopulse_tracker", live={Sensor.MONOPULSE.value: True})
         self.parameters.on_change(self._retune)
         self._tracker: ClusterTracker | None = None
-        self._reads_joints = False
 
     def configure(self) -> None:
         self._reads_joints = False
@@ -75,6 +73,4 @@ class MonopulseTrackerNode(StationNode):
         return Health(WARN if outcome.refused else OK, outcome.message, {"scans": outcome.scans})
 
 
-def main() -> None:
-    """Entry point of `ros2 run rf_pointing monopulse_tracker`."""
-    run(MonopulseTrackerNode)
+main = MonopulseTrackerNode.main

@@ -24,7 +24,6 @@ from rf_pointing.ros.command_key import CommandKeyParams
 from rf_pointing.ros.diagnostics import LEVELS
 from rf_pointing.ros.graph import OPERATOR_PAGE
 from rf_pointing.ros.lifecycle import LifecycleParams
-from rf_pointing.ros.main_loop import run
 from rf_pointing.ros.managed import ManagedNode
 from rf_pointing.ros.qos import STREAM
 from rf_pointing.station.clients import network
@@ -145,6 +144,4 @@ class OperatorPage(ManagedNode):
             server.put({"lines": lines, "alarms": alarms, "utc": utc_text(utc_s)})
 
 
-def main() -> None:
-    """Entry point of `ros2 run rf_pointing operator_page`."""
-    run(OperatorPage)
+main = OperatorPage.main

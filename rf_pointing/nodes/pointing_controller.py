@@ -24,7 +24,6 @@ from rf_pointing.ephemeris.solar import SunPermit
 from rf_pointing.ros import convert, convert_planning
 from rf_pointing.ros.convert_calibration import model_from_message
 from rf_pointing.ros.graph import TEMPERATURE
-from rf_pointing.ros.main_loop import run
 from rf_pointing.ros.qos import LATCHED, STATUS, STREAM
 from rf_pointing.ros.standby import StandbyParams
 from rf_pointing.ros.station_node import StationNode
@@ -145,6 +144,4 @@ class PointingControllerNode(StationNode):
         return "calibrating"
 
 
-def main() -> None:
-    """Entry point of `ros2 run rf_pointing pointing_controller`."""
-    run(PointingControllerNode)
+main = PointingControllerNode.main

@@ -28,7 +28,6 @@ from rf_pointing.ephemeris.solar import SolarDirection
 from rf_pointing.planning.forbidden_sky import ForbiddenSky
 from rf_pointing.ros import convert
 from rf_pointing.ros.graph import EXECUTIVE_STATUS, INHIBIT, RADIO
-from rf_pointing.ros.main_loop import run
 from rf_pointing.ros.qos import STATUS, STREAM
 from rf_pointing.ros.station_node import StationNode
 from rf_pointing.station.derive.axes import kinematics_of
@@ -131,6 +130,4 @@ class RadioControlNode(StationNode):
         self._radio.note("tracking_status", time.monotonic(), **said, beamwidth_rad=m.beamwidth)
 
 
-def main() -> None:
-    """Entry point of `ros2 run rf_pointing radio_control`."""
-    run(RadioControlNode)
+main = RadioControlNode.main

@@ -9,7 +9,6 @@ from rf_pointing_msgs.msg import Boresight, CarrierPower, Monopulse, PassList, P
 
 from rf_pointing.ephemeris import NO_TARGET, ElementUpdates, SourceParams, load_track
 from rf_pointing.ros import convert
-from rf_pointing.ros.main_loop import run
 from rf_pointing.ros.qos import LATCHED, SAMPLES, STREAM
 from rf_pointing.ros.station_node import StationNode
 from rf_pointing.station.antenna.receiver import SimulatedReceiver
@@ -54,6 +53,4 @@ class RfReceiver(StationNode):
             self._truth.publish(convert.error_to_message(reception.truth))
 
 
-def main() -> None:
-    """Entry point of `ros2 run rf_pointing rf_receiver`."""
-    run(RfReceiver)
+main = RfReceiver.main

@@ -29,7 +29,6 @@ from rf_pointing.drives.rotctld import RotatorWords, StationView
 from rf_pointing.ros import convert, convert_calibration
 from rf_pointing.ros.directives import DirectiveSender
 from rf_pointing.ros.graph import EXECUTIVE_STATUS
-from rf_pointing.ros.main_loop import run
 from rf_pointing.ros.qos import LATCHED, STATUS, STREAM
 from rf_pointing.ros.repeated_call import ParametersOf
 from rf_pointing.ros.signed_commands import CommandSender
@@ -141,6 +140,4 @@ class RotctldServerNode(StationNode):
         self._steering.ended(number, result["message"], result["seconds_tracked"])
 
 
-def main() -> None:
-    """Entry point of `ros2 run rf_pointing rotctld_server`."""
-    run(RotctldServerNode)
+main = RotctldServerNode.main

@@ -11,7 +11,6 @@ from rf_pointing.receiver.receiver import SignalReceiver
 from rf_pointing.receiver.stream_clock import SmoothClock
 from rf_pointing.ros import convert
 from rf_pointing.ros.diagnostics import OK, WARN, Health
-from rf_pointing.ros.main_loop import run
 from rf_pointing.ros.qos import STREAM
 from rf_pointing.ros.station_node import StationNode
 
@@ -72,6 +71,4 @@ class SignalReceiverNode(StationNode):
         return Health(WARN if problem else OK, problem or "the signal is measured", self._receiver.values())
 
 
-def main() -> None:
-    """Entry point of `ros2 run rf_pointing signal_receiver`."""
-    run(SignalReceiverNode)
+main = SignalReceiverNode.main

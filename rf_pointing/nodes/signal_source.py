@@ -12,7 +12,6 @@ from rf_pointing.ephemeris import ElementUpdates, SourceParams, TopocentricTrack
 from rf_pointing.receiver.serving import Outlet, make_outlet
 from rf_pointing.ros import convert
 from rf_pointing.ros.diagnostics import Health
-from rf_pointing.ros.main_loop import run
 from rf_pointing.ros.qos import LATCHED, SAMPLES, STREAM
 from rf_pointing.ros.station_node import StationNode
 from rf_pointing.station.antenna.radio import SimulatedRadio, seeded
@@ -74,6 +73,4 @@ class SignalSource(StationNode):
         return Health(values={"pieces": self._ticks, "lost": self._outlet.lost})
 
 
-def main() -> None:
-    """Entry point of `ros2 run rf_pointing signal_source`."""
-    run(SignalSource)
+main = SignalSource.main

@@ -20,7 +20,6 @@ from rosgraph_msgs.msg import Clock
 from rf_pointing.core.whole_file import open_private
 from rf_pointing.ros.diagnostics import Health
 from rf_pointing.ros.graph import ERRORS, ESSENTIAL, TOPICS, Topic
-from rf_pointing.ros.main_loop import run
 from rf_pointing.ros.managed import ManagedNode
 from rf_pointing.ros.qos import STREAM
 from rf_pointing.ros.stamps import seconds_from_raw, seconds_from_stamp, stamp_from_seconds
@@ -131,6 +130,4 @@ class SimulationClock(ManagedNode):
         return Health(message="running" if self.active else "held", values=values)
 
 
-def main() -> None:
-    """Entry point of `ros2 run rf_pointing simulation_clock`."""
-    run(SimulationClock)
+main = SimulationClock.main

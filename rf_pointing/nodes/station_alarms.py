@@ -18,7 +18,6 @@ from rf_pointing.operations import ExpectedState
 from rf_pointing.operations.alarms import AlarmBook
 from rf_pointing.operations.dictionary import read_tables
 from rf_pointing.operations.recovery import Recovery
-from rf_pointing.ros.main_loop import run
 from rf_pointing.ros.night_messages import AlarmTopic, hear_station, serve_alarms
 from rf_pointing.ros.station_node import StationNode
 from rf_pointing.station.clients.station_alarms import StationAlarms
@@ -53,6 +52,4 @@ class AlarmNode(StationNode):
         self.every(STEP_S, lambda t_s: self.alarms.step(t_s, time.monotonic()))
 
 
-def main() -> None:
-    """Entry point of `ros2 run rf_pointing station_alarms`."""
-    run(AlarmNode)
+main = AlarmNode.main

@@ -34,7 +34,6 @@ from rf_pointing.ros import convert, convert_planning
 from rf_pointing.ros import convert_description as draw
 from rf_pointing.ros.diagnostics import Health
 from rf_pointing.ros.graph import DESCRIPTION
-from rf_pointing.ros.main_loop import run
 from rf_pointing.ros.qos import LATCHED, STREAM
 from rf_pointing.ros.station_node import StationNode
 from rf_pointing.ros.streams import frame_in
@@ -140,6 +139,4 @@ class StationDescriptionNode(StationNode):
         return Health(message=words, values={"radius_m": self._radius_m, "tf_published_by": source})
 
 
-def main() -> None:
-    """Entry point of `ros2 run rf_pointing station_description`."""
-    run(StationDescriptionNode)
+main = StationDescriptionNode.main

@@ -30,7 +30,6 @@ from rf_pointing.ros import night_messages as messages
 from rf_pointing.ros.convert_planning import scheduled_from_messages
 from rf_pointing.ros.directives import DirectiveSender
 from rf_pointing.ros.graph import EXECUTIVE_STATUS, SCHEDULE
-from rf_pointing.ros.main_loop import run
 from rf_pointing.ros.one_goal import OneGoal
 from rf_pointing.ros.qos import LATCHED, STATUS
 from rf_pointing.ros.station_node import StationNode
@@ -142,6 +141,4 @@ class StationExecutive(StationNode):
             self._goal.report(RunSchedule.Feedback(**self.watch.progress()))
 
 
-def main() -> None:
-    """Entry point of `ros2 run rf_pointing station_executive`."""
-    run(StationExecutive)
+main = StationExecutive.main

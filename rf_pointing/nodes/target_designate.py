@@ -22,7 +22,6 @@ from rf_pointing.ephemeris import Pass
 from rf_pointing.planning import PassProfile
 from rf_pointing.receiver.stream_clock import SmoothClock
 from rf_pointing.ros import convert, convert_planning
-from rf_pointing.ros.main_loop import run
 from rf_pointing.ros.qos import LATCHED, STREAM
 from rf_pointing.ros.stamps import seconds_from_stamp
 from rf_pointing.ros.station_node import StationNode
@@ -119,6 +118,4 @@ class TargetDesignate(StationNode):
         return response
 
 
-def main() -> None:
-    """Entry point of `ros2 run rf_pointing target_designate`."""
-    run(TargetDesignate)
+main = TargetDesignate.main

@@ -413,8 +413,7 @@ class Night:
         self._note(now_s, entry.item.id, str(entry.state), entry.reason)
 
     def _record(self, entry: Entry, work: PassWork | None) -> None:
-        record = record_of(entry, work, self.book, self.expected_state, self.band)
-        self.records.append(record)
+        self.records.append(record_of(entry, work, self.book, self.expected_state, self.band))
 
     def _step_between(self, now_s: float, effect: str, cause: str) -> None:
         """Begin the next pass when it is due, and rest until then."""

@@ -244,11 +244,7 @@ class CarrierTracker:
         before, self._before = self._before, prompt
         step_s = self._layout.hop_s
         turn = prompt * before.conjugate() if before is not None else 1.0
-        rate_hz = (
-            math.atan2(turn.imag, turn.real) / (2.0 * math.pi * step_s)
-            if before is not None
-            else 0.0
-        )
+        rate_hz = math.atan2(turn.imag, turn.real) / (2.0 * math.pi * step_s)
         self._loop.update(math.atan2(prompt.imag, prompt.real) / (2.0 * math.pi), rate_hz)
         self._tracked += 1
         share = max(min(1.0, step_s / LOST_S), 1.0 / self._tracked)

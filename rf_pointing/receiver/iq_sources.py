@@ -237,10 +237,8 @@ class Soapy(Source):
                 "receiver.type=soapy needs SoapySDR: apt install python3-soapysdr"
             ) from error
         params, self._soapy = self.params, SoapySDR
-        receive, received_hz = (
-            SoapySDR.SOAPY_SDR_RX,
-            abs(params.frequency_hz - 1e6 * params.iq.converter_mhz),
-        )
+        receive = SoapySDR.SOAPY_SDR_RX
+        received_hz = abs(params.frequency_hz - 1e6 * params.iq.converter_mhz)
         self._device = SoapySDR.Device(params.link.device)
         numbers = list(range(params.signal.channels))
         for channel in numbers:

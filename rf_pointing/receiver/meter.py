@@ -277,10 +277,8 @@ class SignalMeter:
                 at = self._reach + round(offset_hz / self.layout.bin_hz)
                 usable[max(at - GUARD_BINS, 0) : max(at + GUARD_BINS + 1, 0)] = False
         else:
-            at, half = (
-                self._reach + round(self.band.centre_bins),
-                round(1.2 * self.band.half_bins) + 2,
-            )
+            at = self._reach + round(self.band.centre_bins)
+            half = round(1.2 * self.band.half_bins) + 2
             usable[max(at - half, 0) : at + half + 1] = False
         return usable
 

@@ -72,11 +72,9 @@ class StreamClock:
     def time_s(self, index: int) -> float | None:
         """Return the time of a sample at the antenna."""
         low = min(self._low, self._low_before)
-        return (
-            low + index / self.rate_hz - self.latency_s
-            if self._settled and math.isfinite(low)
-            else None
-        )
+        if not (self._settled and math.isfinite(low)):
+            return None
+        return low + index / self.rate_hz - self.latency_s
 
     @property
     def wrong_rate(self) -> str:

@@ -85,14 +85,11 @@ class AntennaServer:
         if antenna.stage is not None:
             node.diagnostics.add_report("second_stage", operation.stage_report)
         node.diagnostics.add("commanders", self._commanders)
-
-    def take_wind(self) -> None:
-        """Take what the station's anemometer publishes."""
-        self._node.listen(Vector3Stamped, WIND, self._on_wind, STREAM, required=True)
-
-    def offer_faults(self) -> None:
-        """Let faults be injected into a simulated antenna."""
-        self._node.serve_action(InjectFault, "~/inject_fault", self._inject)
+        # A simulated antenna has a wind of its own, and no anemometer.
+        if not isinstance(antenna, SimulatedAntenna) and antenna.safety.params.wind.watched:
+            node.listen(Vector3Stamped, WIND, self._on_wind, STREAM, required=True)
+        if node.parameters.value("").enable_fault_injection:
+            node.serve_action(InjectFault, "~/inject_fault", self._inject)
 
     def _on_command(self, payload: bytes, commander: str) -> None:
         try:

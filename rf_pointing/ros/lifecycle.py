@@ -22,7 +22,7 @@ from rclpy.timer import Timer
 from rf_pointing.core import Params, parameter
 from rf_pointing.core.signals import LONGEST_GAP_S
 from rf_pointing.ros.diagnostics import ERROR, OK, WARN, Diagnostics, EventLog, Health, Wait
-from rf_pointing.ros.main_loop import IDLE_S, InstanceLock, take_priority
+from rf_pointing.ros.main_loop import IDLE_S, InstanceLock, run, take_priority
 from rf_pointing.ros.params import ParameterGroups
 from rf_pointing.ros.stamps import seconds_from_nanoseconds
 
@@ -139,6 +139,11 @@ class Lifecycle(LifecycleNode):
         # rclpy has no public way to guard the transitions of its own service.
         self._change_state_of_rclpy = self._service_change_state.callback
         self._service_change_state.callback = self._change_state_if_possible
+
+    @classmethod
+    def main(cls) -> None:
+        """Entry point of the node's executable: it alone in its process, until a signal ends it."""
+        run(cls)
 
     # What a node overrides
 

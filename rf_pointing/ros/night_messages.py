@@ -154,10 +154,8 @@ class AlarmTopic:
 
     def publish(self, message: Message) -> None:
         """Publish and log one message."""
-        good, level = (
-            message["level"] == "ok" or message["event"] == "cleared",
-            LEVELS[LEVEL_NAMES.index(message["level"])],
-        )
+        good = message["level"] == "ok" or message["event"] == "cleared"
+        level = LEVELS[LEVEL_NAMES.index(message["level"])]
         values = [KeyValue(key=key, value=message[key]) for key in ("event", "to_do", "utc")]
         status = DiagnosticStatus(
             level=LEVELS[0] if good else level, name=message["alarm"], message=message["message"],

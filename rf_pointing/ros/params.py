@@ -156,8 +156,9 @@ class ParameterGroups:
             descriptor.additional_constraints = "; ".join(filter(None, constraints))
         overridden = self._overridden(name)
         # An empty list of a parameter file has no type, so rclpy knows no value.
-        empty = overridden and self._node._parameter_overrides[name].value is None
-        override = () if empty else self._override(name)
+        given = self._node._parameter_overrides[name].value if overridden else None
+        empty = overridden and given is None
+        override = () if given is None else _plain(given)
         # The same number, as in a dump of all parameters, contradicts nothing.
         refused = bool(key) and overridden and not same_value(default, override)
         if refused:
@@ -179,9 +180,6 @@ class ParameterGroups:
         except (InvalidParameterTypeException, InvalidParameterValueException) as error:
             self.reasons.append(f"{name}: {error}")
             return self._node.declare_parameter(name, default, descriptor, ignore_override=True)
-
-    def _override(self, name: str) -> Any:
-        return _plain(self._node._parameter_overrides[name].value) if self._overridden(name) else None
 
     def _overridden(self, name: str) -> bool:
         """Return whether a parameter file or an argument gives a parameter."""

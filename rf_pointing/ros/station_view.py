@@ -142,11 +142,6 @@ def passes_values(message: ours.PassList) -> dict[str, Any]:
     return {"target": message.target, "rows": [window_values(each) for each in message.passes[:MOST_ROWS]]}
 
 
-def schedule_states(newest: Mapping[str, Any]) -> dict[str, int]:
-    """Return how many of all passes of the newest `schedule` are in each state."""
-    return Counter(each.state for each in newest["schedule"].passes) if "schedule" in newest else {}
-
-
 def schedule_values(schedule: ours.Schedule) -> list[dict[str, Any]]:
     """Return the passes of a schedule; of a longer one those around the first that is not over."""
     rows = schedule.passes
