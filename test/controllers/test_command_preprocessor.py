@@ -196,18 +196,6 @@ def test_every_command_whatsoever_comes_out_feasible(
             before = velocity
 
 
-def test_copied_state_continues_identically() -> None:
-    first, second = preprocessor(), preprocessor()
-    first.reset((0.0, 0.5))
-    for _ in range(20):
-        first.step((0.4, 0.9), (0.001, 0.0), (0.0, 0.0), DT_S)
-    second.state = first.state
-    for _ in range(20):
-        a = first.step((0.2, 0.7), (0.001, 0.0), (0.0, 0.0), DT_S)
-        b = second.step((0.2, 0.7), (0.001, 0.0), (0.0, 0.0), DT_S)
-        np.testing.assert_array_equal(a, b)
-
-
 def test_a_non_finite_command_is_refused_and_the_motion_kept() -> None:
     shaper = preprocessor()
     shaper.reset((0.0, 0.5), (0.01, 0.0))

@@ -103,19 +103,6 @@ def test_reset_makes_the_next_output_the_given_command(design: LqgDesign) -> Non
     assert loop.output(0.3, 4e-3, 0.2999) == pytest.approx(6.5e-3, abs=1e-15)
 
 
-def test_copied_state_continues_identically(design: LqgDesign) -> None:
-    signal = 1e-3 * np.random.default_rng(5).standard_normal((80, 3))
-    first, second = LqgLoop(design, LqgLoopParams()), LqgLoop(design, LqgLoopParams())
-    for row in signal[:40]:
-        first.update(SAMPLE_S, first.output(*row))
-    second.state = first.state
-    for row in signal[40:]:
-        command = first.output(*row)
-        assert command == second.output(*row)
-        first.update(SAMPLE_S, 0.9 * command)
-        second.update(SAMPLE_S, 0.9 * command)
-
-
 def test_another_sampling_time_is_refused(design: LqgDesign) -> None:
     loop = LqgLoop(design, LqgLoopParams())
     with pytest.raises(ValueError, match=r"dt_s=0\.01 must be 0\.02"):

@@ -84,17 +84,6 @@ def test_the_verdict_latches_until_reset() -> None:
     assert (detector.oscillating, detector.reason) == (False, "")
 
 
-def test_copied_state_continues_identically() -> None:
-    time = DT_S * np.arange(120)
-    errors = 2.0 * LIMIT * np.sin(2.0 * math.pi * 2.0 * time)
-    first = watch(errors[:60])
-    second = OscillationDetector(OscillationDetectorParams())
-    second.state = first.state
-    for error in errors[60:]:
-        assert first.update(float(error), DT_S) == second.update(float(error), DT_S)
-    assert first.state == second.state
-
-
 def test_non_finite_errors_are_refused() -> None:
     with pytest.raises(ValueError, match="error_rad=nan must be finite"):
         OscillationDetector(OscillationDetectorParams()).update(math.nan, DT_S)

@@ -85,22 +85,6 @@ def test_an_impossible_retune_leaves_everything_as_it_was() -> None:
     assert loop.params is before
 
 
-def test_copied_state_continues_identically() -> None:
-    random = np.random.default_rng(5)
-    signal = 1e-3 * random.standard_normal((80, 3))
-    first = PositionLoop(PositionLoopParams())
-    for row in signal[:40]:
-        first.update(0.02, first.output(*row))
-    second = PositionLoop(PositionLoopParams())
-    second.state = first.state
-    for row in signal[40:]:
-        command = first.output(*row)
-        assert command == second.output(*row)
-        first.update(0.021, 0.9 * command)
-        second.update(0.021, 0.9 * command)
-    assert first.state == second.state
-
-
 def test_a_copied_state_does_not_follow_the_loop() -> None:
     loop = PositionLoop(PositionLoopParams())
     kept = loop.state

@@ -60,16 +60,6 @@ def test_reset_starts_from_the_given_offset_at_rest() -> None:
     np.testing.assert_array_equal(tracker.at(2.0), np.zeros((2, 2)))
 
 
-def test_copied_state_continues_identically() -> None:
-    first = TrackerIntegrator(PARAMS)
-    first.update(0.0, (1e-4, -2e-4))
-    second = TrackerIntegrator(PARAMS)
-    second.state = first.state
-    for tracker in (first, second):
-        tracker.update(0.1, (2e-4, 1e-4))
-    np.testing.assert_array_equal(first.at(0.15)[0], second.at(0.15)[0])
-
-
 def test_time_running_backwards_is_refused() -> None:
     tracker = TrackerIntegrator(PARAMS)
     tracker.update(1.0, (0.0, 0.0))

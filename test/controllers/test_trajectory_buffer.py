@@ -119,15 +119,6 @@ def test_old_points_are_forgotten_and_the_present_stays() -> None:
     np.testing.assert_allclose(table.at(28.95).position_rad, motion(28.95)[0][0], atol=NANORADIAN)
 
 
-def test_copied_state_continues_identically() -> None:
-    first, second = buffer(), buffer()
-    first.accept(message(0.0, 1.0), 0.0)
-    second.state = first.state
-    for table in (first, second):
-        table.accept(message(0.6, 2.0), 0.3)
-    np.testing.assert_array_equal(first.at(0.55).position_rad, second.at(0.55).position_rad)
-
-
 def test_an_empty_buffer_has_no_lead_and_refuses_to_answer() -> None:
     table = buffer()
     assert table.empty

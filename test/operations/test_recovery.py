@@ -133,15 +133,19 @@ def test_thresholds_are_filled_in_wherever_they_stand() -> None:
     assert cause.text == "not ${fault_s} here"
 
 
-class Watched:
-    """A recovery of one or two causes, and the expected_state that it watches."""
+SHIPPED = read_tables(AlarmParams()).recovery
 
-    def __init__(self, causes: str) -> None:
+
+class Watched:
+    """A recovery of one or two causes, or by the shipped table, and the expected_state that it watches."""
+
+    def __init__(self, causes: str = "") -> None:
         self.expected_state = ExpectedState()
         text = f"version: 1\nactions: {{reset: {{send: reset}}, go: {{send: go}}}}\ncauses:\n{causes}"
         self.told: list[tuple[str, str]] = []
         book = AlarmBook(lambda event, alarm: self.told.append((event, alarm.name)), 600.0)
-        self.recovery = Recovery(read_table(text, NAMES, AlarmParams()), self.expected_state, book)
+        table = read_table(text, NAMES, AlarmParams()) if causes else SHIPPED
+        self.recovery = Recovery(table, self.expected_state, book)
 
     def see(self, t_s: float, **values: object) -> None:
         for name, value in values.items():
@@ -312,21 +316,18 @@ def test_a_clock_that_is_set_back_lengthens_no_wait(back_s: float, at_s: int) ->
 @pytest.mark.parametrize("helps", [True, False])
 def test_a_drive_that_was_lost_and_found_is_one_alarm_unless_its_fault_stays(helps: bool) -> None:
     """By the shipped table: the fault that it leaves is reset without a word, and told when no try has helped."""
-    told: list[tuple[int, str, str]] = []
-    book = AlarmBook(lambda event, alarm: told.append((k, event, alarm.name)))
-    one = Recovery(read_tables(AlarmParams()).recovery, ExpectedState(), book)
+    one, told = Watched(), list[tuple[int, str, str]]()
     # Another fault has used four of its five tries just before.
-    one.restore({"latched_fault": (4, -100.0, -50.0)}, 0.0)
-    fault, k, tried_k = "", 0, 1000
+    one.recovery.restore({"latched_fault": (4, -100.0, -50.0)}, 0.0)
+    fault, tried_k = "", 1000
     for k in range(300):
         lost = "refused" if 10 <= k < 70 else ""
         # The antenna takes two steps to do it.
         fault = "drive lost: refused" if lost else "" if helps and k > tried_k + 1 else fault
-        for attribute, value in {"antenna.fault": fault, "drive.problem": lost}.items():
-            one.expected_state.observe(attribute, value, float(k))
-        one.step(float(k))
-        if due := one.due(float(k)):
-            one.note_try(due[0], float(k))
+        one.see(float(k), antenna__fault=fault, drive__problem=lost)
+        told += [(k, *each) for each in one.told[len(told) :]]
+        if due := one.recovery.due(float(k)):
+            one.recovery.note_try(due[0], float(k))
             tried_k = k
     assert told[:2] == [(13, "raised", "lost_drive"), (70, "cleared", "lost_drive")]
     # Five tries from 2 s after the drive has come back, and 20 s for each.
@@ -335,58 +336,35 @@ def test_a_drive_that_was_lost_and_found_is_one_alarm_unless_its_fault_stays(hel
 
 @pytest.mark.parametrize("wind", ["", "gust 30 m/s, limit 25 m/s"])
 def test_a_pass_that_the_wind_interrupts_is_one_alarm(wind: str) -> None:
-    raised: list[str] = []
-    book = AlarmBook(lambda event, alarm: raised.append(alarm.name) if event == "raised" else None)
-    one = Recovery(read_tables(AlarmParams()).recovery, ExpectedState(), book)
+    one = Watched()
     for k in range(120):
-        seen = {"tracking.target": "A", "tracking.held": k < 10, "tracking.seconds_lost": max(0.0, k - 10.0)}
-        for attribute, value in {**seen, "antenna.high_wind": wind if 10 <= k < 100 else ""}.items():
-            one.expected_state.observe(attribute, value, float(k))
-        one.step(float(k))
-    assert raised == ["high_wind" if wind else "lost_signal"]
-
-
-def test_a_link_that_is_lost_each_five_minutes_costs_its_passes_and_never_waits_for_a_hand() -> None:
-    told: list[tuple[str, str]] = []
-    one = Recovery(
-        read_tables(AlarmParams()).recovery,
-        ExpectedState(),
-        AlarmBook(lambda event, alarm: told.append((event, alarm.name)), 0.0),
-    )
-    fault = ""
-    for k in range(3600):
-        lost = "refused" if k % 300 < 20 else ""
-        fault = "drive lost: refused" if lost else fault
-        for attribute, value in {"antenna.fault": fault, "drive.problem": lost}.items():
-            one.expected_state.observe(attribute, value, float(k))
-        one.step(float(k))
-        assert one.effect()[0] in ("continue", "wait")
-        if due := one.due(float(k)):
-            one.note_try(due[0], float(k))
-            fault = ""
-    assert [row for row in told if row[0] != "reminder"] == [("raised", "lost_drive"), ("cleared", "lost_drive")] * 12
-    assert fault == ""
+        seen = {"tracking__target": "A", "tracking__held": k < 10, "tracking__seconds_lost": max(0.0, k - 10.0)}
+        one.see(float(k), **seen, antenna__high_wind=wind if 10 <= k < 100 else "")
+    assert [name for event, name in one.told if event == "raised"] == ["high_wind" if wind else "lost_signal"]
 
 
 @given(outages=st.lists(st.integers(2, 120), min_size=6, max_size=12))
 def test_what_a_lost_drive_leaves_is_reset_after_every_outage(outages: list[int]) -> None:
-    """By the shipped table, 2 s after the drive is back, however many outages there were in half an hour."""
-    one = Recovery(read_tables(AlarmParams()).recovery, ExpectedState(), AlarmBook(lambda *_: None))
-    t_s, fault = 0.0, ""
+    """By the shipped table, 2 s after the drive is back, however many outages there were in half an hour.
+
+    A loss of more than 3 s is the one alarm, and the night never waits for a hand.
+    """
+    one, t_s, fault = Watched(), 0.0, ""
     for lasts_s in outages:
         for k in range(lasts_s + 40):
             t_s += 1.0
             lost = "refused" if k < lasts_s else ""
             fault = "drive lost: refused" if lost else fault
-            for attribute, value in {"antenna.fault": fault, "drive.problem": lost}.items():
-                one.expected_state.observe(attribute, value, t_s)
-            one.step(t_s)
-            if due := one.due(t_s):
-                one.note_try(due[0], t_s)
+            one.see(t_s, antenna__fault=fault, drive__problem=lost)
+            assert one.recovery.effect()[0] in ("continue", "wait")
+            if due := one.recovery.due(t_s):
+                one.recovery.note_try(due[0], t_s)
                 assert not lost
                 assert k <= lasts_s + 3
                 fault = ""
         assert fault == ""
+    events = [(event, name) for _, event, name, *_ in one.recovery.book.history]
+    assert events == [("raised", "lost_drive"), ("cleared", "lost_drive")] * sum(each > 3 for each in outages)
 
 
 SEEN = {
@@ -400,7 +378,6 @@ SEEN = {
     "computer.memory_free_mb": 1.0, "disk.free_gb": 0.01, "elements.age_h": 9e3, "elements.target": "NOAA 19",
     "executive.problem": "No space left on device", "partner.silent": "gs2",
 }  # fmt: skip
-SHIPPED = read_tables(AlarmParams()).recovery
 
 
 @pytest.mark.parametrize("cause", SHIPPED.causes, ids=lambda cause: cause.name)

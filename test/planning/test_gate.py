@@ -2,7 +2,6 @@
 
 import itertools
 import math
-import timeit
 
 import numpy as np
 import pytest
@@ -169,19 +168,6 @@ def test_the_transmitter_is_inhibited_near_the_ground_on_either_side() -> None:
     for elevation in (9.0, 171.0):
         assert "below the 10.00 deg for transmitting" in gate().too_low_to_send(0.0, elevation * DEG)
     assert gate().too_low_to_send(0.0, 45.0 * DEG) == ""
-
-
-def test_the_checks_of_a_tick_take_microseconds() -> None:
-    """A tick has 20 ms; its gate is a thousandth of that, an allowance of ten for a busy machine."""
-    made = gate(HILL)
-    spent = min(timeit.repeat(lambda: made.hard((1.0, 0.5), (0.01, 0.0)), number=1000, repeat=5)) / 1000
-    assert spent < 200e-6
-    guard = min(
-        timeit.repeat(
-            lambda: made.guard("track", (1.0, 0.5), (1.0, 0.5), (0.01, 0.0), (2.0, 0.6)), number=1000, repeat=5
-        )
-    )
-    assert guard / 1000 < 400e-6
 
 
 @pytest.mark.parametrize(

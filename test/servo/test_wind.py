@@ -71,16 +71,6 @@ def test_torque_is_the_cross_product_of_boresight_and_wind(azimuth: float, eleva
     assert ours == pytest.approx((-moment[2], float(moment @ raising)), rel=1e-12, abs=1e-6)
 
 
-def test_copied_state_continues_identically() -> None:
-    first = Wind(PARAMS, random_stream(2, "wind"))
-    for _ in range(37):
-        first.step(0.013, 0.3, 0.7)
-    second = Wind(PARAMS, random_stream(5, "other"))
-    second.state = first.state
-    for _ in range(37):
-        np.testing.assert_array_equal(first.step(0.017, 0.3, 0.7), second.step(0.017, 0.3, 0.7))
-
-
 def test_a_gust_across_turns_the_wind_to_the_right_and_adds_to_its_speed() -> None:
     """Along and across together are a wind of their length from a direction turned to the right of where it blows."""
     torque = wind_torque_n_m(PARAMS, 6.0, 2.5, 1.9, 0.6)

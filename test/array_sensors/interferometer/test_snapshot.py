@@ -1,5 +1,3 @@
-import dataclasses
-
 import numpy as np
 import pytest
 from scipy.stats import chi2
@@ -14,6 +12,7 @@ from rf_pointing.array_sensors.interferometer.sequence import SequenceParams
 from rf_pointing.array_sensors.interferometer.snapshot import chi_square_limit, coarse_geometry, refine
 from rf_pointing.array_sensors.interferometer.source import InterferometerSource
 from rf_pointing.array_sensors.interferometer.system import InterferometerSystem
+from test.array_sensors.interferometer.test_tracker import with_wrong_lane
 
 SYSTEM = InterferometerSystem()
 NO_FLOOR = ErrorFloor(phase_rad=0.0, phase_rate_rad_s=0.0, amplitude=0.0, path_acceleration_m_s2=0.0)
@@ -54,17 +53,6 @@ def test_pose_without_prior_is_consistent_with_its_covariance_and_residual(excit
     for squares, freedom in ((errors, len(columns)), (residuals, 13 - len(columns))):
         low, high = chi2.ppf([0.0005, 0.9995], freedom * TRIALS) / TRIALS
         assert low < np.mean(squares) < high
-
-
-def with_wrong_lane(measurement, paths):
-    """Phases as if the ranges of `paths` were longer by one finest lane: resolution cannot see it."""
-    plan = SYSTEM.plan
-    shift = 2.0 * np.pi * plan.ambiguities_m[-1] * plan.offsets_hz / plan.speed_of_light_m_s
-    phases = measurement.phase_rad.copy()
-    phases[(slice(None), *paths)] += shift[SYSTEM.schedule.carriers(plan)].reshape(
-        (-1,) + (1,) * (phases[(slice(None), *paths)].ndim - 1)
-    )
-    return dataclasses.replace(measurement, phase_rad=phases)
 
 
 def test_a_wrong_lane_of_one_path_is_seen_in_the_residual_alone() -> None:

@@ -53,6 +53,7 @@ def normalised_errors(output, truth: RelativeMotion):
 
 
 def with_wrong_lane(measurement, paths=(Ellipsis,)):
+    """Phases as if the ranges of `paths` were longer by one finest lane: resolution cannot see it."""
     plan = SYSTEM.plan
     shift = 2.0 * np.pi * plan.ambiguities_m[-1] * plan.offsets_hz / plan.speed_of_light_m_s
     phases = measurement.phase_rad.copy()
