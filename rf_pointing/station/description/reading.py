@@ -8,6 +8,7 @@ import dataclasses
 import math
 import types
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, Union, get_args, get_origin, get_type_hints
 
@@ -79,7 +80,7 @@ class Reader:
         content: Content = self._section(Content, root, "")
         return content
 
-    def _section(self, kind: Any, node: yaml.MappingNode, key: str) -> Any:
+    def _section(self, kind: Any, node: yaml.Node, key: str) -> Any:
         hints, fields = get_type_hints(kind), {item.name: item for item in dataclasses.fields(kind)}
         values: dict[str, Any] = {}
         for name, below in self._items(node, key):
@@ -101,7 +102,9 @@ class Reader:
             self.note(key, f"{_join(key, name)} is missing: {described}")
         return kind(**values)
 
-    def _items(self, node: yaml.MappingNode, key: str) -> list[tuple[str, yaml.Node]]:
+    def _items(self, node: yaml.Node, key: str) -> list[tuple[str, yaml.Node]]:
+        if not isinstance(node, yaml.MappingNode):
+            raise ValueError(f"{key}={getattr(node, 'value', '')!s} must be a section of keys and values")
         found: dict[str, yaml.Node] = {}
         for name_node, below in node.value:
             name = str(name_node.value)
@@ -132,10 +135,10 @@ class Reader:
 
     def _read(self, kind: Any, rules: Mapping[str, Any], node: yaml.Node, key: str) -> Any:
         if dataclasses.is_dataclass(kind):
-            return self._section(kind, _mapping(node, key), key)
+            return self._section(kind, node, key)
         if get_origin(kind) is dict:
             inner = get_args(kind)[1]
-            rows = self._items(_mapping(node, key), key)
+            rows = self._items(node, key)
             if inner is Any:
                 return {name: self._open(below, _join(key, name)) for name, below in rows}
             return {name: self._value(inner, {}, below, _join(key, name)) for name, below in rows}
@@ -167,23 +170,14 @@ def _join(key: str, name: str) -> str:
     return f"{key}.{name}" if key else name
 
 
-def _mapping(node: yaml.Node, key: str) -> yaml.MappingNode:
-    if not isinstance(node, yaml.MappingNode):
-        raise ValueError(f"{key}={getattr(node, 'value', '')!s} must be a section of keys and values")
-    return node
-
-
 def _plain(node: yaml.Node) -> Any:
     value = yaml.constructor.SafeConstructor().construct_object(node, deep=True)
-    # A number of YAML 1.2, as 8e9 without a sign, that YAML 1.1 takes for a text.
-    return float(value) if isinstance(value, str) and not node.style and _is_number(value) else value
-
-
-def _is_number(text: str) -> bool:
-    try:
-        return math.isfinite(float(text))
-    except ValueError:
-        return False
+    if isinstance(value, str) and not node.style:
+        # A number of YAML 1.2, as 8e9 without a sign, that YAML 1.1 takes for a text.
+        with suppress(ValueError):
+            number = float(value)
+            return number if math.isfinite(number) else value
+    return value
 
 
 def _scalar(kind: Any, rules: Mapping[str, Any], node: yaml.Node, key: str) -> Any:

@@ -15,6 +15,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.integrate import trapezoid
 
 from rf_pointing.core import DAY_S, Pair
 from rf_pointing.ephemeris import CataloguePass
@@ -294,7 +295,7 @@ def _pieces(
     azimuth += window.azimuth_path_rad[0] - azimuth[0]
     places = np.searchsorted(times, ends)
     height = COUNT_WORTH + np.sin(np.maximum(elevation, 0.0))
-    weights = np.array([np.trapezoid(height[a : b + 1], times[a : b + 1]) for a, b in itertools.pairwise(places)])
+    weights = np.array([trapezoid(height[a : b + 1], times[a : b + 1]) for a, b in itertools.pairwise(places)])
     # A stay of `LONG_S` counts as much as a pass of its height.
     shares = whole.share * weights / (LONG_S * (COUNT_WORTH + math.sin(whole.peak_rad)) if lasts else weights.sum())
     found = []

@@ -6,10 +6,10 @@ then the track is swept in strips.
 """
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from rf_pointing.controllers import TrackerIntegratorParams
 from rf_pointing.core import MU, Array, Mode, Motion, Pair, random_stream, received_power
@@ -262,7 +262,7 @@ def unit_targets() -> Array:
 
 
 def held_cost(
-    sensor: SensorTraits, scans: Scans, prior: TrimFilter, table: AutotrackParams, taken: ArrayLike
+    sensor: SensorTraits, scans: Scans, prior: TrimFilter, table: AutotrackParams, taken: Sequence[float] | Array
 ) -> SensorCost:
     """Return what a sensor costs that needs these times (targets,) until it holds its target."""
     scan, power = ScanPatterns(scans), 1.0
