@@ -142,8 +142,8 @@ class PolledDrive(Drive):
             self._send(link, t_s)
             return
         refused = f", last answer: {self._refused}" if self._refused else ""
-        silent = f"no position for {t_s - self._known_s:.1f} s"
-        self._lose(t_s, f"{silent}, at most {self._timing.lost_s:.1f} s{refused}")
+        silent = f"no position for {t_s - self._known_s:.2f} s"
+        self._lose(t_s, f"{silent}, at most {self._timing.lost_s:.2f} s{refused}")
 
     def _send_now(self) -> None:
         """Send a new set point or a stop without waiting for the next tick."""

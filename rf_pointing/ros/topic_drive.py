@@ -76,10 +76,10 @@ class TopicDrive(Drive):
             age_s, most_s = self._reading.age_s(t_s - late_s) - self._stepped_s, self._lost_s
             self._behind_s = age_s if self._taken > self._seen else self._behind_s
             self._seen = self._taken
-            found = f"no message on drive/state for {age_s:.1f} s"
+            found = f"no message on drive/state for {age_s:.2f} s"
             if self._behind_s > most_s:
                 found = f"the stamps on drive/state are {self._behind_s:.1f} s behind this computer's clock"
-            self.problem = f"{found}, at most {most_s:.1f} s" if age_s > most_s else ""
+            self.problem = f"{found}, at most {most_s:.2f} s" if age_s > most_s else ""
         if self.problem and self._refusal:
             self.problem = f"no message on drive/state that can be used: {self._refusal}"
         return self._reading

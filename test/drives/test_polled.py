@@ -71,7 +71,7 @@ def test_a_silent_device_is_lost_after_a_second_and_is_stopped_when_it_comes_bac
     subject.device.silent = True
     took_s = subject.run(5.0, lambda: bool(subject.drive.problem))
     assert took_s <= 1.0 + 2.0 * TICK_S
-    assert "no position for 1.0 s" in subject.drive.problem
+    assert "no position for 1.0" in subject.drive.problem
     assert subject.device.model.moving, "the device does not know that nobody receives it"
     subject.device.silent = False
     for _ in range(200):
@@ -338,7 +338,7 @@ def test_time_in_which_the_process_itself_stood_is_not_silence_of_the_device(mon
     for _ in range(60):
         times.append(times[-1] + 0.02)
         subject.at(times[-1])
-    assert subject.drive.problem.endswith("no position for 1.0 s, at most 1.0 s")
+    assert subject.drive.problem.endswith("no position for 1.02 s, at most 1.00 s")
 
 
 def test_a_simulated_drive_has_the_steps_of_the_protocol_that_it_stands_for() -> None:

@@ -632,8 +632,8 @@ class ControlUnit:
         # A table far ahead must not move an antenna whose commander has gone; a goal at rest may.
         if silent_s > path.table.params.silence_s and not path.at_rest(sample):
             self.stop(
-                f"the commander has been silent for {silent_s:.1f} s while its commands move the axes, "
-                f"at most {path.table.params.silence_s:.1f} s"
+                f"the commander has been silent for {silent_s:.2f} s while its commands move the axes, "
+                f"at most {path.table.params.silence_s:.2f} s"
             )
             return None
         if sample.source != "dry":

@@ -111,7 +111,7 @@ class DriveHardware:
             return "the drive has given no position yet"
         # The device answered at the end of the time in which it may have measured.
         age_s, most_s = reading.age_s(t_s) - reading.within_s, self._longest_s
-        return f"no position from the drive for {age_s:.1f} s, at most {most_s:.1f} s" if age_s > most_s else ""
+        return f"no position from the drive for {age_s:.2f} s, at most {most_s:.2f} s" if age_s > most_s else ""
 
     @property
     def lag_s(self) -> float:

@@ -128,10 +128,10 @@ class AntennaWatch:
         within = error is not None and not silent and distance <= self.tolerance_rad
         count = self.state.settle_count + 1 if within else 0
         self._settled = self._settled or count >= self.params.settle_periods
-        doubt = f"joint_states has been silent for {age_s:.1f} s" if silent else ""
+        doubt = f"joint_states has been silent for {age_s:.2f} s" if silent else ""
         fault = OF_ANTENNA + self.fault if self.fault else ""
         if silent and age_s > self.params.patience_s:
-            fault = fault or f"{doubt}, at most {self.params.patience_s:.1f} s"
+            fault = fault or f"{doubt}, at most {self.params.patience_s:.2f} s"
         if silent or self.mode not in FOLLOWING:
             # Pause, stow and park move the axes off the command on purpose; a stall stops them.
             self.unsettle()
