@@ -28,6 +28,7 @@ from rf_pointing_msgs.msg import (
     TrackingStatus,
 )
 from rf_pointing_msgs.srv import ChangeSchedule, GoTo, Jog, Named, PermitSun
+from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
 import rf_pointing.report
@@ -491,6 +492,7 @@ def test_the_status_is_shown_as_soon_as_all_of_it_is_there(
     fake: FakeStation, capsys: pytest.CaptureFixture[str]
 ) -> None:
     fake.publish(0.1, "antenna_status", ANTENNA)
+    fake.publish(0.1, "joint_states", JointState())
     fake.publish(0.2, "tracking_status", TrackingStatus(mode="conscan", target="ISS"))
     fake.publish(0.3, "executive_status", ExecutiveStatus(state="idle"))
     assert run("status", "--json") == 0
@@ -533,6 +535,7 @@ def test_a_watched_status_is_a_line_each_second_until_the_signal(
     fake: FakeStation, capsys: pytest.CaptureFixture[str]
 ) -> None:
     fake.publish(0.1, "antenna_status", ANTENNA)
+    fake.publish(0.1, "joint_states", JointState())
     for name, message in (("tracking_status", TrackingStatus()), ("executive_status", ExecutiveStatus())):
         fake.publish(0.1, name, message)
     fake.publish(4.5, "antenna_status", AntennaStatus(mode="stopped"))
@@ -548,7 +551,7 @@ def test_kept_messages_are_requested_where_they_are_published_so(fake: FakeStati
     StationClient("/gs1")
     kept = {name for name, (_, _, qos) in fake.topics.items() if qos in (LATCHED, STATUS)}
     assert kept == {"schedule", "executive_status", "passes", "antenna_status"}
-    assert fake.topics.keys() - kept == {"tracking_status"}
+    assert fake.topics.keys() - kept == {"tracking_status", "joint_states"}
 
 
 def test_a_jog_calls_several_times_a_second_for_as_long_as_it_was_said(fake: FakeStation) -> None:
