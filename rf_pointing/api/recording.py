@@ -104,7 +104,7 @@ class Recording:
             raise ValueError(f"export=tdm: the notes of {self.path} name no {' and no '.join(missing)}")
         if (mount := self.data.mount) is None:
             axes = " and ".join(self.data.axes)
-            raise ValueError(f"export=tdm: the notes of {self.path} name no mount, and its axes are {axes}")
+            raise ValueError(f"export=tdm: the notes of {self.path} must name the mount of its axes {axes}")
         tracks = tracking_from_bag(
             self.path, self.notes["station"], self.notes["band"], namespace=self.namespace, allow_damage=True
         )

@@ -258,10 +258,10 @@ def mount_to_notes(mount: Kinematics) -> dict[str, str]:
 
 
 def mount_from_notes(notes: Mapping[str, str]) -> Kinematics | None:
-    """Return the mount of a recording; None for one that is level, or with a damaged note."""
+    """Return the mount of a recording, level without a note; None for a damaged note."""
     try:
-        return Kinematics.from_mapping(json.loads(notes[MOUNT_NOTE]))
-    except (KeyError, ValueError, TypeError, AttributeError):
+        return Kinematics.from_mapping(json.loads(notes.get(MOUNT_NOTE, "{}")))
+    except (ValueError, TypeError, AttributeError):
         return None
 
 

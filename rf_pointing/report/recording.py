@@ -265,8 +265,8 @@ class Recording:
 
     @property
     def mount(self) -> Kinematics | None:
-        """The mount; None for other axes than azimuth and elevation without a note of the mount."""
-        return mount_from_notes(self.notes) or (LEVEL if self.axes == AXES else None)
+        """The mount; None for a damaged note, or without it for another type of axes."""
+        return mount if (mount := mount_from_notes(self.notes)) != LEVEL or self.axes == AXES else None
 
     def get(self, name: str) -> TopicData | None:
         """Return topic `name`, None if the recording has no message of it."""
