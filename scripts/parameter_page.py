@@ -86,7 +86,8 @@ def node_classes() -> list[type[ManagedNode]]:
     found = []
     for path in sorted(PACKAGE.rglob("nodes/*.py")):
         # Others, such as the helpers of launch files, import packages that a node does not need.
-        if re.search(r"\((Managed|Station)Node\)", path.read_text()) and "def main(" in path.read_text():
+        text = path.read_text()
+        if re.search(r"\((Managed|Station)Node\)", text) and re.search(r"^(def )?main\b", text, re.MULTILINE):
             name = ".".join(path.relative_to(PACKAGE.parent).with_suffix("").parts)
             module = importlib.import_module(name)
             members = [member for _, member in inspect.getmembers(module, inspect.isclass)]

@@ -93,14 +93,14 @@ def test_a_device_is_lost_when_its_reading_is_older_than_the_link_or_two_periods
         hardware.look(longest_s + 0.02)
         assert (
             hardware.fault
-            == f"drive lost: no position from the drive for {longest_s + 0.01:.1f} s, at most {longest_s:.1f} s"
+            == f"drive lost: no position from the drive for {longest_s + 0.01:.2f} s, at most {longest_s:.2f} s"
         )
         assert not hardware.current
         hardware.look(longest_s + 5.02)
         hardware.look(longest_s + 5.04)
         assert (
             hardware.fault
-            == f"drive lost: no position from the drive for {longest_s + 0.04:.1f} s, at most {longest_s:.1f} s"
+            == f"drive lost: no position from the drive for {longest_s + 0.04:.2f} s, at most {longest_s:.2f} s"
         )
 
 
