@@ -198,7 +198,7 @@ def offline(table: Table, folder: Path, _given: argparse.Namespace) -> None:
         "a plan with fillers": (
             [
                 *("plan_passes", "--station", str(example), "--elements", str(elements)),
-                *("--satellites", str(fillers), "--hours", "6"),
+                *("--satellites", str(fillers), "--hours", "24"),
             ],
             "exit 0, with the Sun",
             lambda code, said: code == 0 and "Sun" in said,

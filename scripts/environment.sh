@@ -64,9 +64,13 @@ make_wheel_environment() {
   python3 -m venv --clear "$STATE/env" && install_wheels ros numeric runtime && mend_cmake_exports && shrink_environment
 }
 
-# The wheels of ROS bring the same libraries up to eight times, and a link as a copy: 60 MB.  Others bring their tests: 30 MB.
+# The wheels of ROS bring the same libraries up to eight times, and a link as a copy: 60 MB.  Others bring their tests: 30 MB,
+# and symbols for debuggers: 33 MB.
 shrink_environment() {
   local sum file before='' first=''
+  ! command -v strip ||
+    find "$STATE"/env/lib/python3.*/site-packages/{aiohttp,erfa,fontTools,frozenlist,kiwisolver,lz4,multidict,propcache,yaml} \
+      -name '*.so' -exec strip --strip-debug {} +
   find "$STATE"/env/lib/python3.*/site-packages/{numpy,scipy,matplotlib} -depth -type d -name tests -exec rm -r {} +
   find "$STATE/env/lib" -type f -name '*.so*' -size +100k -exec sha256sum {} + | sort | while read -r sum file; do
     if [ "$sum" = "$before" ]; then ln -f "$first" "$file"; else before=$sum first=$file; fi
@@ -140,11 +144,11 @@ build_workspace() {
   AMENT_PREFIX_PATH=$STATE/install/rf_pointing_msgs:$AMENT_PREFIX_PATH colcon_build --base-paths . --symlink-install
 }
 
-enter_wheel_environment() {
+enter_wheels_environment() {
   [ -x "$STATE/env/bin/python" ] ||
     need "python3 -c 'import ensurepip, venv, sys; assert (3, 11) <= sys.version_info < (3, 15)'" python3 python3-venv
   once wheels "$(digest "$ROOT"/requirements/{ros,numeric,runtime,lock}.txt <(environment_python))" \
-    "building the Python environment from pinned wheels (450 MB, about a minute, once)" replace_wheel_environment
+    "building the Python environment from pinned wheels (420 MB, about a minute, once)" replace_wheel_environment
   export VIRTUAL_ENV=$STATE/env PATH=$STATE/env/bin:$PATH
   # Setting these here spares every process the bootstrap that would start Python a second time to set them.
   LD_LIBRARY_PATH=$(printf '%s:' "$STATE"/env/lib "$STATE"/env/lib/python3.*/site-packages/ros_*.libs)${LD_LIBRARY_PATH:-}
@@ -175,15 +179,8 @@ enter_environment() {
   # Every process started from here holds this lock while it runs, so that nobody replaces the environment under it.
   exec 8>"$STATE/in-use"
   flock -s 8
-  local how=wheels
-  if has_jazzy; then
-    how=jazzy
-    enter_jazzy_environment
-  else
-    enter_wheel_environment
-  fi
-  [ "${1:-}" != tests ] || add_test_libraries
-  local interfaces sources
+  local how=wheels interfaces sources
+  ! has_jazzy || how=jazzy
   interfaces=$(find "$ROOT/msg_defs" "$ROOT/extern" -type f | sort)
   sources=$(find "$ROOT/config" "$ROOT/launch" -type f | sort)
   # shellcheck disable=SC2086
@@ -193,6 +190,8 @@ enter_environment() {
     need "command -v g++ && command -v make && command -v cmake &&
       python3 -c 'import os, sysconfig; os.stat(sysconfig.get_path(\"include\") + \"/Python.h\")'" g++ make cmake python3-dev
   fi
+  enter_${how}_environment
+  [ "${1:-}" != tests ] || add_test_libraries
   once interfaces "$interfaces" "building the interfaces (a minute, once)" build_interfaces
   once workspace "$how $(digest <(echo "$sources") "$ROOT"/setup.* "$ROOT/package.xml" "$STATE/interfaces")" \
     "building rf_pointing" build_workspace
