@@ -11,7 +11,7 @@ antenna publishes /diagnostics once a second of wall time, so a node is deaf if
     its own periodic work             is not done for as long and two periods
     a neighbour with its input        is silent for 10 s in which most of the others receive it
     most neighbours                   have not received this node for 10 s: it is mute; or one of
-                                      them, which needs none of its topics, while the others have
+                                      them, whose topics it needs, and which needs none of its own
     a name in the graph               has been damaged for 5 s, and could be read before
 
 A node that was killed leaves the graph after 20 s.  The silence of one neighbour alone proves
@@ -223,7 +223,8 @@ class InputWatchdog:
         self._mute_s = {name: self._mute_s.get(name, 0.0) + passed_s for name in silent_to}
         mute = sorted(name for name, long_s in self._mute_s.items() if long_s > PROVED_S)
         if len(others) >= FEWEST and (
-            2 * len(mute) > len(others) or not all(self._passes(self._own, name) for name in mute)
+            2 * len(mute) > len(others)
+            or any(self._passes(name, self._own) and not self._passes(self._own, name) for name in mute)
         ):
             self._end(f"{', '.join(mute)} has not received this node for {PROVED_S:.0f} s")
         # A stranger may have a name that never could be read: a new start would not help.
@@ -231,8 +232,7 @@ class InputWatchdog:
         self._readable |= not damaged
         self._unreadable_s = self._unreadable_s + passed_s if damaged and self._readable else 0.0
         if self._unreadable_s > INPUT_SILENCE_S:
-            long_s = self._unreadable_s
-            self._end(f"the names of the senders of {TOPIC} have been damaged for {long_s:.0f} s")
+            self._end(f"the names of the senders of {TOPIC} have been damaged for {self._unreadable_s:.0f} s")
 
     def _passes(self, sender: str, taker: str) -> bool:
         """Return whether one of two nodes takes another topic of the other than those of all."""

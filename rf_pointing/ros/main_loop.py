@@ -46,6 +46,8 @@ WRITTEN_S = 15.0
 STUCK_S = 8.0
 """Longest time within the middleware itself, of which one wait is 0.2 s."""
 LOOK_S = 1.0
+COMPUTED_S = 2.0
+"""Longest time for which a thread of DDS computes without any wait."""
 START_OR_END_S = 60.0
 """Longest making of the nodes of a process, and its longest end with the stop of what it moves."""
 DEAF = 3
@@ -108,14 +110,13 @@ def run(
             signal.signal(sign, lambda number, _frame: signals.append(number))
         executor = make_executor()
         watch = HangWatch()
-        watch.begin()
+        watch.begin(NodeLoop.work.__code__)
         loop = NodeLoop(node_types, executor, signals, watch.writing, restart=restart)
     except (RuntimeError, ValueError) as error:
         _say_not_started(error)
         rclpy.try_shutdown()
         sys.exit(2)
     settle_garbage()
-    watch.watch_waits(NodeLoop.work.__code__)
     code = loop.work(watch.come_round, watch.begin_end)
     if loop.deaf:
         # A participant of DDS that took damaged datagrams may never be destroyed.
@@ -155,16 +156,18 @@ class NodeLoop:
         if self._restart:
             node.diagnostics.add("process", self.health)
 
-    def work(self, come_round: Callable[[], None] = lambda: None, begin_end: Callable[[], None] = lambda: None) -> int:
+    def work(self, come_round: Callable[[], str] = str, begin_end: Callable[[], None] = lambda: None) -> int:
         """Work until a signal or without a node; return the exit code.
 
-        `come_round` is called each round, `begin_end` before the nodes are ended.
+        `come_round`, called each round, says why the process is deaf; `begin_end` begins its end.
         """
         code, looked_s, idle_s = 0, time.monotonic(), 0.0
         caught_s = looked_s
         # Not `spin`: between two events the nodes do their own work and the signals are seen.
         while not self._signals and (self._nodes or self._missing):
-            come_round()
+            if hung := come_round():
+                for _, node in self._nodes:
+                    node.input_watchdog.deaf = hung
             wait_s = LONGEST_WAIT_S
             if any(node.input_watchdog.deaf for _, node in self._nodes):
                 # The participant of DDS does not receive, which all nodes of a process share.
@@ -303,38 +306,37 @@ class HangWatch:
     # Not a thread of Python: what hangs may hold the lock of all threads.
 
     def __init__(self, patience_s: float = HUNG_S) -> None:
-        self._patience_s, self._armed_s, self._rounds = patience_s, -math.inf, 0
+        self._patience_s, self._armed_s, self._rounds, self._hung = patience_s, -math.inf, 0, ""
 
-    def begin(self) -> None:
-        """Give the start of nodes its time: damaged datagrams can hang one that is being made."""
+    def begin(self, loop: CodeType) -> None:
+        """Give the start of nodes its time, and watch the calling thread and those of DDS.
+
+        It may not be stuck in what `loop` itself calls: that is a library, and no callback of a
+        node, whose work may be long.
+        """
         self._arm(min(START_OR_END_S, self._patience_s))
+        # Damaged datagrams have left a wait for events in DDS for good, without Python's lock.
+        threading.Thread(target=self._watch, args=(loop, threading.get_ident()), daemon=True).start()
 
-    def come_round(self) -> None:
-        """Note that the loop works; each second is often enough."""
+    def come_round(self) -> str:
+        """Note that the loop works; return which thread of DDS hangs, "" for none."""
         self._rounds += 1
         if time.monotonic() - self._armed_s > min(1.0, 0.1 * self._patience_s):
             self._arm(self._patience_s)
+        return self._hung
 
-    def watch_waits(self, loop: CodeType) -> None:
-        """End the process sooner where the calling thread is stuck in what `loop` itself calls.
-
-        It is in a library there, in no callback of a node, whose work may be long.
-        """
-        # Damaged datagrams have left a wait for events in DDS for good, without Python's lock.
-        given = loop, threading.get_ident()
-        threading.Thread(target=self._watch_waits, args=given, daemon=True).start()
-
-    def _watch_waits(self, loop: CodeType, thread: int) -> None:
-        looks = rounds = 0
+    def _watch(self, loop: CodeType, thread: int) -> None:
+        looks, rounds, waited = 0, 0, dict[str, tuple[str, int]]()
         # Looks are counted, not time: a process that was stopped has not looked either.
         while looks * LOOK_S < STUCK_S:
             time.sleep(LOOK_S)
+            self._hung = self._hung or hung_thread(waited)
             frame = sys._current_frames().get(thread)
-            waits = frame is not None and frame.f_code is loop and sys.gettrace() is None
+            waits = self._hung or (frame is not None and frame.f_code is loop and sys.gettrace() is None)
             looks = looks + 1 if waits and self._rounds == rounds else 0
             rounds = self._rounds
-        words = f"Timeout (0:00:{STUCK_S:02.0f})! A wait for events does not end."
-        print(words, file=sys.__stderr__)
+        why = self._hung or "A wait for events does not end"
+        print(f"Timeout (0:00:{STUCK_S:02.0f})! {why}.", file=sys.__stderr__)
         faulthandler.dump_traceback(sys.__stderr__)
         leave(1)
 
@@ -356,6 +358,25 @@ class HangWatch:
         """Give the end of nodes and process its time; Python itself ends the watch."""
         self._patience_s = min(START_OR_END_S, self._patience_s)
         self._arm(self._patience_s)
+
+
+def hung_thread(waited: dict[str, tuple[str, int]]) -> str:
+    """Return which thread of DDS has computed for `COMPUTED_S` without any wait, "" for none.
+
+    `waited` keeps how often each had waited, and what it had computed when it last did.
+    """
+    # A damaged datagram has a thread note 10^18 lost messages, one by one.
+    for thread in Path("/proc/self/task").iterdir():
+        with suppress(OSError):
+            name, _, fields = (thread / "stat").read_text().partition("(")[2].rpartition(")")
+            if name.startswith("dds."):
+                waits = (thread / "status").read_text().partition("\nvoluntary")[2].partition("\n")[0]
+                ticks = int(fields.split()[11])
+                if waited.setdefault(thread.name, (waits, ticks))[0] != waits:
+                    waited[thread.name] = waits, ticks
+                if (ticks - waited[thread.name][1]) / os.sysconf("SC_CLK_TCK") > COMPUTED_S:
+                    return f"{name} has computed for {COMPUTED_S:g} s and never waited"
+    return ""
 
 
 def _check_security(environment: Mapping[str, str]) -> None:
@@ -399,9 +420,8 @@ class InstanceLock:
         try:
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError as error:
-            self._file.seek(0)
-            holder = self._file.read().strip() or "unknown"
             self._file.close()
+            holder = last_holder(full_name) or "unknown"
             raise RuntimeError(f"{full_name} already runs in ROS domain {ros_domain()} (process {holder})") from error
         self.take_over()
 

@@ -29,8 +29,9 @@ class Graph:
         self.sends = self.active = self.works = True
         self.damaged_topics = set[str]()
         self.received: dict[str, str] = {}
-        self.sent = {SERVO: [TOPIC, "/gs1/joint_states"], OWN: [TOPIC, "/gs1/joint_trajectory"]}
-        self.taken = {OWN: [TOPIC, "/gs1/joint_states"], SERVO: [TOPIC, "/gs1/joint_trajectory"]}
+        power = "/gs1/received_power"
+        self.sent = {SERVO: [TOPIC, "/gs1/joint_states"], OWN: [TOPIC, "/gs1/joint_trajectory"], RECEIVER: [power]}
+        self.taken = {OWN: [TOPIC, "/gs1/joint_states", power], SERVO: [TOPIC, "/gs1/joint_trajectory"]}
         self.diagnostics = SimpleNamespace(add=lambda *_given: None)
         self.watchdog = InputWatchdog(self, lambda: self.t_s)
         self.count, _ = self.watchdog.watch(INPUT)
@@ -156,13 +157,14 @@ ALL_BUT = {each: "".join(f"{name} " for name in (OWN, *OTHERS) if name != each) 
         ([RECEIVER, CALIBRATOR], ALL_BUT | {RECEIVER: f"{OWN} "}, ""),
         ([RECEIVER, CALIBRATOR], dict.fromkeys(OTHERS, f"{OWN} "), ""),
         # Nothing is needed of one that is silent here.
-        ([SERVO, CALIBRATOR], ALL_BUT, ""),
+        ([SERVO, RECEIVER], ALL_BUT, ""),
         # A node says nothing of others, or is one that does not say whom it receives.
         ([RECEIVER], {RECEIVER: ""}, ""), ([RECEIVER], {}, ""),
-        # None of the others receives this one; one of three that needs it does not, or one that does not need it.
+        # None of the others receives this one; or not one that needs it, one that it needs, or neither.
         (OTHERS, dict.fromkeys(OTHERS, ""), f"{SERVO}, {CALIBRATOR}, {RECEIVER} has not received this node for 10 s"),
         (OTHERS, ALL_BUT | {SERVO: ""}, ""),
         (OTHERS, ALL_BUT | {RECEIVER: ""}, f"{RECEIVER} has not received this node for 10 s"),
+        (OTHERS, ALL_BUT | {CALIBRATOR: ""}, ""),
     ],
 )  # fmt: skip
 def test_nodes_that_compare_whom_they_receive_find_the_one_that_starts_again(

@@ -327,7 +327,7 @@ def test_a_wait_for_events_that_does_not_end_ends_the_process_and_long_work_does
         "def long_work():\n    time.sleep(1.5)\n    print('worked', flush=True)\n"
         "def loop(*calls):\n    for call, *given in calls:\n"
         "        watch.come_round()\n        call(*given)\n"
-        "watch = main_loop.HangWatch()\nwatch.watch_waits(loop.__code__)\n"
+        "watch = main_loop.HangWatch()\nwatch.begin(loop.__code__)\n"
         "loop(*[(time.sleep, 0.05)] * 20, (long_work,), (time.sleep, 60.0))\n"
     )
     ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=30.0)
@@ -336,7 +336,36 @@ def test_a_wait_for_events_that_does_not_end_ends_the_process_and_long_work_does
 
 
 @pytest.mark.parametrize(
-    "phase", ["watch.begin()", "watch.come_round()\nwatch.begin_end()\nwith watch.writing(): pass"]
+    ("thread", "rounds", "code"),
+    [("dds.udp.7411", 10**8, main_loop.DEAF), ("dds.udp.7411", 10**4, 0), ("a) b", 10**6, 0)],
+)
+def test_a_thread_of_dds_that_never_waits_ends_the_node_and_a_busy_one_or_another_does_not(
+    ros_domain: int, thread: str, rounds: int, code: int
+) -> None:
+    """What counts is what the thread computes, without Python's lock, between two of its waits."""
+    program = (
+        "import hashlib, os, threading, time\nfrom rf_pointing.ros import main_loop, managed\n"
+        "main_loop.COMPUTED_S, main_loop.LOOK_S = 0.2, 0.05\n"
+        "def compute():\n"
+        f"    open(f'/proc/self/task/{{threading.get_native_id()}}/comm', 'w').write({thread!r})\n"
+        "    while time.thread_time() < 1.0:\n"
+        f"        hashlib.pbkdf2_hmac('sha256', b'', b'', {rounds})\n        time.sleep(0.001)\n"
+        "    os.kill(os.getpid(), 15)\n"
+        "def make():\n"
+        "    threading.Thread(target=compute, daemon=True).start()\n    return managed.ManagedNode('made')\n"
+        "main_loop.run(make)\n"
+    )
+    environment = {**os.environ, "ROS_DOMAIN_ID": str(ros_domain)}
+    ended = subprocess.run(
+        [sys.executable, "-c", program], env=environment, capture_output=True, text=True, check=False
+    )
+    assert ended.returncode == code, ended.stderr
+    assert (f"{thread} has computed for 0.2 s and never waited" in ended.stderr) == bool(code)
+
+
+@pytest.mark.parametrize(
+    "phase",
+    ["watch.begin(main_loop.run.__code__)", "watch.come_round()\nwatch.begin_end()\nwith watch.writing(): pass"],
 )
 def test_a_start_or_an_end_that_hangs_ends_the_process_and_one_in_time_has_its_own_code(phase: str) -> None:
     code = (
