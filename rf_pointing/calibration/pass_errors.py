@@ -53,9 +53,7 @@ class PassPriors(Params):
     clock_s: float = parameter(0.0, "time tag error of the station", 0.0, 10.0)
 
     @classmethod
-    def of_orbit(
-        cls, size_m: float, rate_rad_s: float = LOW_ORBIT_RATE_RAD_S
-    ) -> "PassPriors | None":
+    def of_orbit(cls, size_m: float) -> "PassPriors | None":
         """Return orbit errors of one size along, across and radially; None for a size of zero.
 
         An error of the orbit's plane or shape is at any phase in a pass: its drift is as large,
@@ -63,7 +61,7 @@ class PassPriors(Params):
         """
         if size_m == 0.0:
             return None
-        drift_m_s = size_m * rate_rad_s
+        drift_m_s = size_m * LOW_ORBIT_RATE_RAD_S
         return cls(
             along_track_m=size_m, cross_track_m=size_m, radial_m=size_m,
             cross_track_drift_m_s=drift_m_s, radial_drift_m_s=drift_m_s,

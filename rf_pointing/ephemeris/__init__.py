@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from rf_pointing.ephemeris.track import TargetSource, TopocentricTrack
     from rf_pointing.ephemeris.uncertainty import (
         ElementUncertainty,
-        known_target,
         orientation_sigma_rad,
         sky_uncertainty,
         stale_warning,

@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from rf_pointing.core import DAY_S, Array, Params, SkyUncertainty, Target, parameter
+from rf_pointing.core import DAY_S, Array, Params, SkyUncertainty, parameter
 from rf_pointing.core.signals import LEAST_KNOWN_S
 from rf_pointing.ephemeris.elements import Elements
 from rf_pointing.ephemeris.oem import OemTarget
@@ -101,11 +101,6 @@ def _on_the_sky(seen: StateVector, axes: Array, covariance_m2: Array, range_m: f
     variances = (float(way @ covariance @ way) for way in (along, np.array([along[1], -along[0]])))
     ahead, aside = (math.sqrt(max(each, 0.0)) for each in variances)
     return SkyUncertainty(covariance_rad2=covariance, along_track_rad=ahead, cross_track_rad=aside)
-
-
-def known_target(track: TopocentricTrack, t_s: float, model: ElementUncertainty) -> Target:
-    """Return the target at UTC `t_s` with its uncertainty; ValueError outside its spans."""
-    return replace(track.target_at(t_s), uncertainty=sky_uncertainty(track, t_s, model))
 
 
 def _ephemeris_covariance_m2(target: OemTarget, t_s: float) -> Array:

@@ -16,7 +16,7 @@ from rf_pointing.core import LEAST_SHARE, LOSS_OF_SIGNAL, OF_ANTENNA, Pair
 from rf_pointing.operations.alarms import Alarm, AlarmBook
 from rf_pointing.operations.executor import BlockRun, BlockState, Executor, JournalEntry, block_text
 from rf_pointing.operations.expected_state import ExpectedState
-from rf_pointing.operations.pass_work import PassRecord, PassWork, record_from, record_of
+from rf_pointing.operations.pass_work import PassRecord, PassWork, record_of
 from rf_pointing.operations.procedure import Directive, Procedure
 from rf_pointing.operations.recovery import Recovery, RecoveryTable
 from rf_pointing.operations.schedule import Entry, PassState, Schedule
@@ -570,7 +570,8 @@ class Night:
             self.state_name, self.begun_s = NightState(state["state"]), float(state["begun_s"] or now_s)
             self.book.restore(state["alarms"])
             self.recovery.restore(state.get("tries", {}), now_s)
-            self.records = [record_from(row) for row in state["records"]]
+            rows = state["records"]
+            self.records = [PassRecord(**row | {"causes": tuple(row["causes"])}) for row in rows]
             if (kept := state["attempt"]) is not None:
                 executor = self._pass_executor(self.schedule.entry(kept["id"]), now_s)
                 self._work = PassWork(**{**kept, "executor": executor})

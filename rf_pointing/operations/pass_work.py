@@ -1,7 +1,7 @@
 """The pass in work: how often it was tried, what was counted in each attempt, and its record."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, fields
 from typing import Any
 
@@ -168,8 +168,3 @@ def filler_text(records: Sequence[PassRecord]) -> str:
     """Return in how many gaps one target was tracked, and for how long."""
     spans_s = [each.tracked_s for each in records if each.state == PassState.TRACKED]
     return tracked_in_gaps(spans_s, len(records))
-
-
-def record_from(row: Mapping[str, Any]) -> PassRecord:
-    """Return a record from plain values."""
-    return PassRecord(**{**row, "causes": tuple(row["causes"])})

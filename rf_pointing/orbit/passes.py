@@ -63,11 +63,9 @@ def from_teme(t_s: Array, orientation: IersEarthOrientation | None = None) -> Ar
     return np.stack(columns, axis=-1)
 
 
-def motion_of_site(
-    site: Site, t_s: Array, orientation: IersEarthOrientation | None = None
-) -> StationMotion:
+def motion_of_site(site: Site, t_s: Array) -> StationMotion:
     """Return the motion of a site in TEME at UTC times (n,)."""
-    turn = from_teme(t_s, orientation)
+    turn = from_teme(t_s)
     position = np.einsum("nji,j->ni", turn, site.position_m)
     return StationMotion(position, turning_velocity(position), np.asarray(site.axes) @ turn)
 

@@ -91,12 +91,10 @@ def figures(
     )  # fmt: skip
 
 
-def source_noise_k(
-    flux: Flux, frequency_hz: float, gain_dbi: float, air_loss_db: float = 0.0
-) -> float:
+def source_noise_k(flux: Flux, frequency_hz: float, gain_dbi: float) -> float:
     """Return the antenna temperature of a point with this flux on the axis: T_A for K = 1."""
     area_m2 = 10.0 ** (0.1 * gain_dbi) * (SPEED_OF_LIGHT_M_S / frequency_hz) ** 2 / (4.0 * math.pi)
-    return float(flux.flux_w_m2_hz * area_m2 / (2.0 * BOLTZMANN_J_K) * 10.0 ** (-0.1 * air_loss_db))
+    return float(flux.flux_w_m2_hz * area_m2 / (2.0 * BOLTZMANN_J_K))
 
 
 def side_lobe_noise_k(flux: Flux, frequency_hz: float, angle_rad: float) -> float:

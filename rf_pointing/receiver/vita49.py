@@ -121,11 +121,11 @@ def decode_context(payload: bytes) -> Context:
     )
 
 
-def encode_samples(samples: Samples, bits: int = 16) -> bytes:
-    """Return samples (n,), full scale 1, as signed integers of 8 or 16 bits."""
-    scale = 2.0 ** (bits - 1)
+def encode_samples(samples: Samples) -> bytes:
+    """Return samples (n,), full scale 1, as signed integers of 16 bits."""
+    scale = 2.0**15
     parts = np.clip(np.rint(samples.view(np.float32) * scale), -scale, scale - 1.0)
-    return bytes(parts.astype(">i2" if bits == 16 else np.int8).tobytes())
+    return bytes(parts.astype(">i2").tobytes())
 
 
 def decode_samples(payload: bytes, bits: int = 16) -> tuple[Samples, float]:

@@ -129,7 +129,8 @@ def _fill_mode(mode: _Mode, position: int, rate: int, a: Array, b: Array) -> Non
 
 
 def _modes(params: PlantParams) -> list[_Mode]:
-    factor = params.pinion_factor
+    # Excitation of the bending mode by elevation (BWG, Sec. IV-A).
+    factor = params.pinion_floor + (1.0 - params.pinion_floor) * math.cos(params.pinion_angle_rad)
     bending = (factor * params.azimuth_to_bending, factor)
     azimuth = _axis_modes("azimuth", params.azimuth, params.azimuth_modes_in_elevation, (1.0, 0.0))
     elevation = _axis_modes(

@@ -152,11 +152,3 @@ class PlantParams(Params):
                 raise ValueError(
                     f"{cross} has {len(getattr(self, cross))} values, {name} has {len(axis.mode_frequency_hz)} modes"
                 )
-
-    @property
-    def pinion_factor(self) -> float:
-        """Excitation of the bending mode by elevation: floor + (1 - floor) cos(alpha) (BWG, Sec.
-
-        IV-A).
-        """
-        return self.pinion_floor + (1.0 - self.pinion_floor) * math.cos(self.pinion_angle_rad)

@@ -7,7 +7,6 @@ import pytest
 import rf_pointing as rp
 from rf_pointing.commands.orbit_covariance import main
 
-SATELLITE = "28057"
 LINE = "--stations leo_3m7 Svalbard=78.2,15.4 --tracking angle_mdeg=3 range_m=10 --hours 6 --predict 6"
 
 

@@ -8,9 +8,6 @@ import pytest
 from rf_pointing.planning import HorizonMask
 from rf_pointing.planning.forbidden_sky import ForbiddenSky, angle_between
 
-MASK = HorizonMask(azimuth_rad=(0.5, 2.0, 5.0), elevation_rad=(0.1, 0.3, 0.05))
-
-
 SUN, RADIUS = (1.0, 0.6), 0.05
 HILLS = HorizonMask(azimuth_rad=(0.0, 0.9, 1.0, 1.1), elevation_rad=(0.1, 0.1, 0.3, 0.1))
 

@@ -33,7 +33,9 @@ class TrackingBranch:
 
     def plunge_at(self, t_s: float) -> bool:
         """Whether the dish is over the top at `t_s`."""
-        return self._branch is not None and self._branch.plunge != self._has_gone_over(t_s)
+        over_t_s = self._found.over_t_s if self._found else None
+        over = over_t_s is not None and t_s >= over_t_s
+        return self._branch is not None and self._branch.plunge != over
 
     def turned_rad(self, t_s: float) -> float:
         """Return the turns that going over the top, or unwinding, has added before `t_s`."""
@@ -123,9 +125,6 @@ class TrackingBranch:
         if self._found is None:
             return np.zeros(0, dtype=np.intp)
         return np.flatnonzero((times >= self._found.t_s[0]) & (times <= self._found.t_s[-1]))
-
-    def _has_gone_over(self, t_s: float) -> bool:
-        return self._found is not None and self._found.over_t_s is not None and t_s >= self._found.over_t_s
 
     def _table_at(self, t_s: float) -> Motion:
         """Return the motion (2,) of the crossing at one instant, in direct angles."""

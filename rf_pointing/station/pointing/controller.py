@@ -603,7 +603,8 @@ class PointingController:
             return Level.WARN, words
         if state.mode in (Mode.SEARCH, Mode.COAST, Mode.HOLD_OFF):
             return Level.WARN, f"{state.mode}: {state.reason}"
-        silent_s = self._motion.targets_late_s(t_s)
+        # By how much the received prediction is shorter than the trajectories.
+        silent_s = t_s + self._motion.params.horizon_s - self._motion.targets.received_until_s
         if silent_s > 0.0:
             since = f"for {silent_s:.1f} s" if math.isfinite(silent_s) else "yet"
             return Level.WARN, f"no target {since}: the pass goes on with what was predicted before"

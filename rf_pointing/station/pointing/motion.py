@@ -186,10 +186,6 @@ class CommandedMotion:
             error_path=error_path,
         )
 
-    def targets_late_s(self, t_s: float) -> float:
-        """Return by how much the received prediction is shorter than the trajectories."""
-        return max(t_s + self.params.horizon_s - self.targets.received_until_s, 0.0)
-
     def off_centre_rad(self) -> Array | None:
         """Return the centre of the scan minus the encoders on the sky (2,), None if not known."""
         if self._direct is None or not self._centres.times:

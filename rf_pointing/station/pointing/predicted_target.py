@@ -6,7 +6,7 @@ into force between two passes only.
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from rf_pointing import ephemeris
 from rf_pointing.core import HeldDirection, Params, SkyUncertainty, Target, leaves, parameter
@@ -17,7 +17,7 @@ from rf_pointing.ephemeris import (
     Pass,
     SatelliteAntennaParams,
     TopocentricTrack,
-    known_target,
+    sky_uncertainty,
     stale_warning,
 )
 from rf_pointing.ephemeris.element_updates import ElementUpdates
@@ -112,7 +112,8 @@ class PredictedTarget:
         if self._quiet or not (self._near_a_pass(t_s, self.params.margin_s) and self.track.covers(t_s)):
             return None
         try:
-            target = known_target(self.track, t_s, self.uncertainty)
+            uncertainty = sky_uncertainty(self.track, t_s, self.uncertainty)
+            target = replace(self.track.target_at(t_s), uncertainty=uncertainty)
         except ValueError as error:
             # What is set while the node runs may need more than elements or an ephemeris can give.
             self._unknown = str(error)
