@@ -200,17 +200,18 @@ def trajectory_from_message(
     """
     order = _axis_order(list(message.joint_names), axes)
     points = message.points
-    rates = "velocities", "accelerations"
-    given = {"positions": True} | {name: any(getattr(p, name) for p in points) for name in rates}
+    given = {
+        "positions": True,
+        **{name: any(getattr(p, name) for p in points) for name in ("velocities", "accelerations")},
+    }
     for name in (name for name, stated in given.items() if stated):
         for index, point in enumerate(points):
             count = len(getattr(point, name))
             if count != len(order):
                 raise ValueError(f"points[{index}].{name} has {count} values, must have {len(order)}")
     since_s = [p.time_from_start.sec + p.time_from_start.nanosec * 1e-9 for p in points]
-    shape = len(points), len(order)
     position, velocity, acceleration = (
-        np.array([getattr(p, name) for p in points], float).reshape(shape)[:, order] if stated else np.zeros(shape)
+        _stacked([getattr(p, name) for p in points], order) if stated else np.zeros((len(points), len(order)))
         for name, stated in given.items()
     )
     if not given["velocities"] and len(points) > 1 and min(np.diff(since_s)) > 0.0:
@@ -274,3 +275,7 @@ def _axis_order(names: list[str], axes: Sequence[str]) -> list[int]:
     if sorted(names) != sorted(axes):
         raise ValueError(f"joints are {', '.join(names) or 'none'}, must be {', '.join(axes)}, each once")
     return [names.index(axis) for axis in axes]
+
+
+def _stacked(rows: list[list[float]], order: list[int]) -> Array:
+    return np.array([[row[index] for index in order] for row in rows], dtype=np.float64).reshape(len(rows), len(order))

@@ -232,7 +232,8 @@ class InputWatchdog:
         self._readable |= not damaged
         self._unreadable_s = self._unreadable_s + passed_s if damaged and self._readable else 0.0
         if self._unreadable_s > INPUT_SILENCE_S:
-            self._end(f"the names of the senders of {TOPIC} have been damaged for {self._unreadable_s:.0f} s")
+            long_s = self._unreadable_s
+            self._end(f"the names of the senders of {TOPIC} have been damaged for {long_s:.0f} s")
 
     def _passes(self, sender: str, taker: str) -> bool:
         """Return whether one of two nodes takes another topic of the other than those of all."""

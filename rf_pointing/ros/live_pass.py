@@ -93,9 +93,7 @@ class LivePass:
         self._run, self._line = run, LiveLine(0.2)
         self.client = ActionClient(run.node, self.KIND, self.NAME)
         self._certificate: PassCertificate | None = None
-        run.node.create_subscription(
-            PassCertificate, "pass_certificate", lambda m: setattr(self, "_certificate", m), LATCHED
-        )
+        run.node.create_subscription(PassCertificate, "pass_certificate", self._note_certificate, LATCHED)
 
     def begin(self, goal: Any) -> Any:
         """Send the goal, print the certificate, and return the handle of the goal."""
@@ -121,6 +119,9 @@ class LivePass:
         found = self._run.result(handle)
         self._line.end()
         return found
+
+    def _note_certificate(self, message: PassCertificate) -> None:
+        self._certificate = message
 
 
 def track_designated(run: StationRun, sensor: str) -> TrackPass.Result:

@@ -52,8 +52,11 @@ class LiveScan(LivePass):
         listen(CarrierPower, "carrier_power", lambda m: self.samples.take_power(power(m)))
         listen(JointState, "joint_states", lambda m: self.samples.take_joints(joints(m)))
         listen(TrackingStatus, "tracking_status", self._take_status)
-        listen(PointingModel, "pointing_model", lambda m: setattr(self, "model", model_from_message(m)), LATCHED)
+        listen(PointingModel, "pointing_model", self._take_model, LATCHED)
 
     def _take_status(self, message: TrackingStatus) -> None:
         self.now_s = seconds_from_stamp(message.header.stamp)
         self.samples.take_status(*convert.scan_centre_from_message(message))
+
+    def _take_model(self, message: PointingModel) -> None:
+        self.model = model_from_message(message)

@@ -195,6 +195,11 @@ class NodeProcesses:
         """Return name and exit code of every node whose process has ended by itself."""
         return {name: code for name, process in self._running.items() if (code := process.poll()) is not None}
 
+    def nameless(self, names: Sequence[str]) -> list[str]:
+        """Return the nodes whose process does not hold its name yet."""
+        # A process that still starts, or whose name another graph has.
+        return [name for name in names if last_holder(f"{self.namespace}/{name}") != self._running[name].pid]
+
     def complaint(self, name: str) -> str:
         """Return the last line of a node's log, which states why it refused."""
         lines = self.log(name).read_text(errors="replace").strip().splitlines()
@@ -322,8 +327,7 @@ class ManagedGraph(NodeProcesses):
         """Wait until the nodes run, and configure them."""
         # Another graph's nodes of the same names offer the same services; only the holder of the
         # name is ours.
-        ours = lambda name: last_holder(f"{self.namespace}/{name}") == self._running[name].pid  # noqa: E731
-        self.waiting.until(lambda: all(map(ours, names)), f"{', '.join(names)} not seen")
+        self.waiting.until(lambda: not self.nameless(names), f"{', '.join(names)} not seen")
         self._lifecycle.wait_for(names)
         self.change(names, "configure")
 

@@ -14,7 +14,6 @@ import pytest
 rclpy = pytest.importorskip("rclpy", reason="the graph needs ROS 2")
 from rf_pointing_msgs.msg import TrackingStatus
 
-from rf_pointing.ros.input_watchdog import INPUT_SILENCE_S
 from rf_pointing.ros.main_loop import DEAF
 from rf_pointing.ros.qos import STREAM
 
@@ -54,11 +53,11 @@ def test_a_node_made_deaf_by_moved_sequence_numbers_says_so_and_ends(live: Simpl
     live.spin_until(lambda: said[-1].axis_age > 2.0, "the controller to be deaf")
     live.spin_until(lambda: "pointing_controller" in processes.ended(), "the end of the controller")
     print(f"deaf since {time.monotonic() - attacked_s:.1f} s when it ended")
-    assert INPUT_SILENCE_S <= time.monotonic() - attacked_s < LATEST_S
+    assert time.monotonic() - attacked_s < LATEST_S
     assert processes.ended() == {"pointing_controller": DEAF}, "the others hear and go on"
     words = processes.complaint("pointing_controller")
-    # The thread of Fast DDS that receives may be busy with 10^9 lost messages: then nothing else arrives either.
-    assert "joint_states has been silent for" in words or "nothing has been received from" in words
+    # The thread of Fast DDS that receives may be busy with 10^9 lost messages.
+    assert "joint_states has been silent for" in words or "has computed for 2 s and never waited" in words
     processes.start(["pointing_controller"], simulated_time=False, autostart=True)
     said.clear()
     live.spin_until(lambda: bool(said) and 0.0 <= said[-1].axis_age < 1.0, "the controller that started again")

@@ -294,11 +294,6 @@ def status_to_message(output: TrackerOutput) -> ours.RelativePoseStatus:
     return message
 
 
-def status_from_message(message: ours.RelativePoseStatus) -> tuple[float, str, str]:
-    """Return time, status and reason."""
-    return seconds_from_stamp(message.header.stamp), message.status, message.reason
-
-
 def _complex(message: Any, count: int | None) -> NDArray[np.complex128]:
     """Return the I and Q samples of a message, `count` of them where that is known."""
     in_phase, quadrature = np.array(message.samples_i), np.array(message.samples_q)
