@@ -222,10 +222,9 @@ class InputWatchdog:
         }  # fmt: skip
         self._mute_s = {name: self._mute_s.get(name, 0.0) + passed_s for name in silent_to}
         mute = sorted(name for name, long_s in self._mute_s.items() if long_s > PROVED_S)
-        if len(others) >= FEWEST and (
-            2 * len(mute) > len(others)
-            or any(self._passes(name, self._own) and not self._passes(self._own, name) for name in mute)
-        ):
+        passes = self._passes
+        in_vain = [name for name in mute if passes(name, self._own) and not passes(self._own, name)]
+        if len(others) >= FEWEST and (2 * len(mute) > len(others) or in_vain):
             self._end(f"{', '.join(mute)} has not received this node for {PROVED_S:.0f} s")
         # A stranger may have a name that never could be read: a new start would not help.
         damaged = TOPIC in self._node.damaged_topics

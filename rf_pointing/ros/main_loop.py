@@ -316,7 +316,8 @@ class HangWatch:
         """
         self._arm(min(START_OR_END_S, self._patience_s))
         # Damaged datagrams have left a wait for events in DDS for good, without Python's lock.
-        threading.Thread(target=self._watch, args=(loop, threading.get_ident()), daemon=True).start()
+        given = loop, threading.get_ident()
+        threading.Thread(target=self._watch, args=given, daemon=True).start()
 
     def come_round(self) -> str:
         """Note that the loop works; return which thread of DDS hangs, "" for none."""
@@ -332,8 +333,8 @@ class HangWatch:
             time.sleep(LOOK_S)
             self._hung = self._hung or hung_thread(waited)
             frame = sys._current_frames().get(thread)
-            waits = self._hung or (frame is not None and frame.f_code is loop and sys.gettrace() is None)
-            looks = looks + 1 if waits and self._rounds == rounds else 0
+            in_loop = frame is not None and frame.f_code is loop and sys.gettrace() is None
+            looks = looks + 1 if (in_loop or self._hung) and self._rounds == rounds else 0
             rounds = self._rounds
         why = self._hung or "A wait for events does not end"
         print(f"Timeout (0:00:{STUCK_S:02.0f})! {why}.", file=sys.__stderr__)
@@ -370,7 +371,8 @@ def hung_thread(waited: dict[str, tuple[str, int]]) -> str:
         with suppress(OSError):
             name, _, fields = (thread / "stat").read_text().partition("(")[2].rpartition(")")
             if name.startswith("dds."):
-                waits = (thread / "status").read_text().partition("\nvoluntary")[2].partition("\n")[0]
+                text = (thread / "status").read_text()
+                waits = text.partition("\nvoluntary")[2].partition("\n")[0]
                 ticks = int(fields.split()[11])
                 if waited.setdefault(thread.name, (waits, ticks))[0] != waits:
                     waited[thread.name] = waits, ticks
