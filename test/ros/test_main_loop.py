@@ -494,6 +494,7 @@ def test_the_exit_code_of_a_process_says_how_it_ended(
                 main_loop.run(Made)
             assert left.value.code == code
     finally:
+        main_loop.faulthandler.cancel_dump_traceback_later()
         signal.signal(signal.SIGTERM, kept)
     assert rclpy.ok() == (given == "deaf")
     rclpy.try_shutdown()
