@@ -339,7 +339,7 @@ def test_a_wait_for_events_that_does_not_end_ends_the_process_and_long_work_does
     [("dds.udp.7411", 10**8, main_loop.DEAF), ("dds.udp.7411", 10**4, 0), ("a) b", 10**6, 0)],
 )
 def test_a_thread_of_dds_that_never_waits_ends_the_node(thread: str, loops: int, code: int) -> None:
-    """What counts is what the thread computes, without Python's lock, between two of its waits."""
+    """The processor time of the thread between two of its waits counts, here without Python's lock."""
     program = (
         "import hashlib, os, threading, time\nfrom rf_pointing.ros import main_loop, managed\n"
         "main_loop.COMPUTED_S, main_loop.LOOK_S = 0.2, 0.05\ndef compute():\n"
