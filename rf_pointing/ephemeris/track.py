@@ -91,12 +91,12 @@ class TopocentricTrack:
 
     def with_offsets(
         self, *, hold_t_s: float | None = None, antenna: SatelliteAntennaParams | None = None,
-        refraction: RadioRefraction | Literal["same"] | None = "same",
+        site: Site | None = None, refraction: RadioRefraction | Literal["same"] | None = "same",
         learned: "LearnedTime | Literal['same'] | None" = "same", **offsets: Any,
     ) -> "TopocentricTrack":  # fmt: skip
         """Return the same track with what is given instead; this one stays."""
         return TopocentricTrack(
-            self.target, self.site, hold_t_s=hold_t_s, light_time=self.light_time,
+            self.target, site or self.site, hold_t_s=hold_t_s, light_time=self.light_time,
             refraction=self.refraction if refraction == "same" else refraction,
             antenna=antenna or self.antenna,
             learned=self.learned if learned == "same" else learned, **offsets,

@@ -1,7 +1,8 @@
 """Executable `antenna_servo`: an antenna's control unit and its drive, simulated or real.
 
 Subscribes: joint_trajectory; on a real drive of a station with an anemometer weather/wind
-(geometry_msgs/Vector3Stamped: velocity of the air in m/s, east, north, up).
+(geometry_msgs/Vector3Stamped: velocity of the air in m/s, east, north, up); on a real drive of a
+base that moves base/imu (sensor_msgs/Imu) or base/odometry (nav_msgs/Odometry).
 Publishes: joint_states (50 Hz), antenna_status (10 Hz, on activation, and when a fault comes or
 goes), sim/boresight (50 Hz, truth); while identifying manual_rate (50 Hz).
 Action: identify (rf_pointing_msgs/Identify).
@@ -17,8 +18,9 @@ Parameters: antenna.*, drive.* (which drive, and how it is reached), loops.* (re
 running), safety.*, second_stage.* (`topic_stage.py`), wrap_file (keeps the azimuth's turn over a
 restart; empty: not kept), state_file (keeps position, fault and rest), command_key_file (only
 commands signed with it are taken), enable_fault_injection, and as truth of the simulated drive
-plant.* (changeable too), wind.*, mount.*.  What guards the antenna changes only while the drives
-are disabled, the key only at the start.  Activation releases the brakes, deactivation sets them.
+plant.* (changeable too), wind.*, mount.*, base_motion.*.  What guards the antenna changes only
+while the drives are disabled, the key only at the start.  Activation releases the brakes,
+deactivation sets them.
 
 A drive other than the simulated one must answer within 5 s of the configuration; a node that
 brings itself up waits for it, however long it takes.  One that is lost latches a fault, and

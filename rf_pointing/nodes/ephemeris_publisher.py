@@ -3,7 +3,8 @@
 Publishes: target (10 Hz, ahead of time while above the mask), passes, pass_profiles (latched).
 Subscribes: tracking_status, for what a pass teaches of the time along the orbit; where
 source.refraction is measured: weather/temperature, weather/pressure and weather/humidity; where
-source.antenna has a width: satellite_attitude in place of its roll, pitch and yaw. Services:
+source.antenna has a width: satellite_attitude in place of its roll, pitch and yaw; where
+publisher.moves: base/fix (sensor_msgs/NavSatFix), where the station is now. Services:
 ~/select_target (SelectTarget): choose the satellite and get its passes; ~/clear_offsets,
 ~/forget_learned (std_srvs/Trigger), ~/keep_offsets, ~/recall_offsets, ~/forget_offsets (Named).
 Parameters: source.* (elements or ephemeris, object; offsets, hold, weather and antenna, live, read
@@ -19,7 +20,7 @@ from typing import Any
 
 from rf_pointing_msgs.msg import Attitude, PassList, PassProfileList, Target, TrackingStatus
 from rf_pointing_msgs.srv import Named, SelectTarget
-from sensor_msgs.msg import FluidPressure, RelativeHumidity, Temperature
+from sensor_msgs.msg import FluidPressure, NavSatFix, RelativeHumidity, Temperature
 from std_srvs.srv import Trigger
 
 from rf_pointing.core.parameters import leaves
@@ -27,7 +28,7 @@ from rf_pointing.ephemeris import NO_TARGET, Pass
 from rf_pointing.ephemeris.target_offsets import OffsetSets, TargetOffsets
 from rf_pointing.planning import PassProfile
 from rf_pointing.ros import convert, convert_planning
-from rf_pointing.ros.graph import HUMIDITY, PRESSURE, SATELLITE_ATTITUDE, TEMPERATURE
+from rf_pointing.ros.graph import BASE_FIX, HUMIDITY, PRESSURE, SATELLITE_ATTITUDE, TEMPERATURE
 from rf_pointing.ros.qos import LATCHED, STREAM
 from rf_pointing.ros.stamps import seconds_from_stamp, stamp_from_seconds
 from rf_pointing.ros.station_node import StationNode
@@ -70,6 +71,9 @@ class EphemerisPublisher(StationNode):
             self.listen(kind, topic, take, STREAM, required=True)
         if source.antenna.half_power_beamwidth_rad > 0.0:
             self.listen(Attitude, SATELLITE_ATTITUDE, self._on_attitude, STREAM)
+        if self.prediction.params.moves:
+            place, take_place = convert.place_from_fix, self.prediction.take_place
+            self.listen(NavSatFix, BASE_FIX, lambda m: take_place(place(m), self.now_s()), STREAM)
         held, take_held = convert.held_direction_from_message, self.prediction.take_tracking
         self.listen(TrackingStatus, "tracking_status", lambda m: take_held(m.target, held(m)), STREAM)
         self.serve_action(Trigger, "~/forget_learned", lambda _: self.prediction.forget_learned(self.now_s()))

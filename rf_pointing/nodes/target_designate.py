@@ -15,7 +15,7 @@ import numpy as np
 from geometry_msgs.msg import TwistStamped
 from rf_pointing_msgs.msg import PassList, PassProfileList, Target
 from rf_pointing_msgs.srv import SelectTarget
-from sensor_msgs.msg import NavSatFix, NavSatStatus
+from sensor_msgs.msg import NavSatFix
 
 from rf_pointing.designate import Report
 from rf_pointing.ephemeris import Pass
@@ -85,8 +85,7 @@ class TargetDesignate(StationNode):
             self._target.release()
 
     def _on_fix(self, message: NavSatFix) -> None:
-        if message.status.status == NavSatStatus.STATUS_NO_FIX:
-            raise ValueError("a NavSatFix without a fix")
+        place = convert.place_from_fix(message)
         t_s, noise = seconds_from_stamp(message.header.stamp), self.parameters.value("designate").noise
         # A receiver that states its errors knows them better than the parameters do.
         if message.position_covariance_type != NavSatFix.COVARIANCE_TYPE_UNKNOWN:
@@ -94,7 +93,6 @@ class TargetDesignate(StationNode):
             noise = noise.replace(horizontal_m=max(east, north, 0.1), vertical_m=max(up, 0.1))
         known = self._velocity
         velocity = known[1] if known is not None and abs(t_s - known[0]) <= VELOCITY_AGE_S else None
-        place = message.latitude, message.longitude, message.altitude
         self._target.take_stamped(Report.of_place(t_s, FIX, place, noise, velocity), self.now_s())
 
     def _on_velocity(self, message: TwistStamped) -> None:

@@ -9,19 +9,23 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
-from geometry_msgs.msg import Vector3Stamped
+import numpy as np
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import Quaternion, Vector3, Vector3Stamped
+from nav_msgs.msg import Odometry
 from rf_pointing_msgs.msg import AntennaStatus, Boresight, CommandSignature
 from rf_pointing_msgs.srv import GoTo, InjectFault, Jog, PermitSun, StowInFault
-from sensor_msgs.msg import JointState
+from sensor_msgs.msg import Imu, JointState
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
+from rf_pointing.core.moving_base import BaseSample
 from rf_pointing.ephemeris.solar import SunPermit
 from rf_pointing.ros import convert
 from rf_pointing.ros.command_key import CommandKey, CommandKeyParams
 from rf_pointing.ros.convert import pair
 from rf_pointing.ros.diagnostics import Health
-from rf_pointing.ros.graph import COMMANDS, SIGNATURES, WIND
+from rf_pointing.ros.graph import BASE_IMU, BASE_ODOMETRY, COMMANDS, SIGNATURES, WIND
 from rf_pointing.ros.identification_server import IdentificationServer
 from rf_pointing.ros.leased_services import LeasedServices
 from rf_pointing.ros.qos import COMMAND_INPUT, SAMPLES, STATUS, STREAM
@@ -88,6 +92,12 @@ class AntennaServer:
         # A simulated antenna has a wind of its own, and no anemometer.
         if not isinstance(antenna, SimulatedAntenna) and antenna.safety.params.wind.watched:
             node.listen(Vector3Stamped, WIND, self._on_wind, STREAM, required=True)
+        # As little does it subscribe an IMU: its own is simulated with the motion that it measures.
+        if not isinstance(antenna, SimulatedAntenna) and antenna.safety.base is not None:
+            node.listen(Imu, BASE_IMU, self._on_imu, STREAM)
+            node.listen(Odometry, BASE_ODOMETRY, self._on_odometry, STREAM)
+        if antenna.safety.base is not None:
+            node.diagnostics.add_report("base", lambda: operation.base_report(node.now_s()))
         if node.parameters.value("").enable_fault_injection:
             node.serve_action(InjectFault, "~/inject_fault", self._inject)
 
@@ -134,6 +144,25 @@ class AntennaServer:
     def _on_wind(self, message: Vector3Stamped) -> None:
         age_s = self._node.now_s() - seconds_from_stamp(message.header.stamp)
         self._operation.note_wind(math.hypot(message.vector.x, message.vector.y), age_s)
+
+    def _on_imu(self, message: Imu) -> None:
+        self._on_base(message.header.stamp, message.orientation, message.angular_velocity)
+
+    def _on_odometry(self, message: Odometry) -> None:
+        attitude, rate = message.pose.pose.orientation, message.twist.twist.angular
+        self._on_base(message.header.stamp, attitude, rate)
+
+    def _on_base(self, stamp: Time, attitude: Quaternion, rate: Vector3) -> None:
+        base = self._operation.antenna.safety.base
+        assert base is not None
+        quaternion = attitude.x, attitude.y, attitude.z, attitude.w
+        t_s, rate_rad_s = seconds_from_stamp(stamp), np.array([rate.x, rate.y, rate.z])
+        try:
+            sample = BaseSample(t_s=t_s, quaternion=quaternion, rate_rad_s=rate_rad_s)
+        except ValueError as error:
+            base.refuse(str(error))
+        else:
+            base.take(sample, self._node.now_s())
 
     def _stop(self, _request: Trigger.Request) -> str:
         self._operation.antenna.stop("stop was requested")

@@ -13,7 +13,7 @@ from typing import Any, TypeVar, get_origin, get_type_hints
 import numpy as np
 from builtin_interfaces.msg import Time
 from rf_pointing_msgs import msg as ours
-from sensor_msgs.msg import JointState, Temperature
+from sensor_msgs.msg import JointState, NavSatFix, NavSatStatus, Temperature
 from trajectory_msgs.msg import JointTrajectory as TrajectoryMessage
 from trajectory_msgs.msg import JointTrajectoryPoint
 
@@ -149,6 +149,13 @@ def temperature_from_message(message: Temperature) -> float:
     temperature_k = message.temperature + ZERO_CELSIUS_K
     core.require_between("temperature_k", temperature_k, 180.0, 330.0)
     return float(temperature_k)
+
+
+def place_from_fix(message: NavSatFix) -> tuple[float, float, float]:
+    """Return latitude and longitude in deg and height in m; ValueError without a fix."""
+    if message.status.status == NavSatStatus.STATUS_NO_FIX:
+        raise ValueError("a NavSatFix without a fix")
+    return message.latitude, message.longitude, message.altitude
 
 
 def joints_to_message(reading: core.JointReading, axes: Sequence[str] = core.AXES) -> JointState:

@@ -84,6 +84,8 @@ ALARM_TOPIC = "alarms"
 SATELLITE_ATTITUDE = "satellite_attitude"
 WIND, TEMPERATURE, PRESSURE, HUMIDITY = (f"weather/{name}" for name in ("wind", "temperature", "pressure", "humidity"))
 """Topics of a station's own instruments."""
+BASE_IMU, BASE_ODOMETRY, BASE_FIX = "base/imu", "base/odometry", "base/fix"
+"""Topics of a base that moves: its attitude by either instrument, and its place."""
 ERRORS = "pointing_error"
 _POINTING_ERROR = Topic(
     ERRORS, ours.PointingError, STREAM, "10 Hz, of a scan once a round", allowed_lag_s=_ONE_CLUSTER_S, frame=BEAM
@@ -186,8 +188,9 @@ def topics_of(names: Collection[str]) -> tuple[Topic, ...]:
 
 TOPICS = _topics()
 FOREIGN = (
-    WIND, TEMPERATURE, PRESSURE, HUMIDITY, SATELLITE_ATTITUDE, "carrier_power", Sensor.MONOPULSE, "array_snapshots",
-    "tripulse_frame", "interferometer_measurement",
+    WIND, TEMPERATURE, PRESSURE, HUMIDITY, BASE_IMU, BASE_ODOMETRY, BASE_FIX, SATELLITE_ATTITUDE,
+    "carrier_power", Sensor.MONOPULSE, "array_snapshots", "tripulse_frame",
+    "interferometer_measurement",
 )  # fmt: skip
 """Topics that devices of the station may publish, subscribed as `INSTRUMENT`."""
 SOURCES = {topic.name: topic.publisher for topic in TOPICS} | dict.fromkeys(

@@ -104,6 +104,9 @@ class PointedAntenna:
         if t_s + TARGET_LEAD_S >= self._targets_from_s:
             target = self._target_at(round(t_s + TARGET_LEAD_S, 6))
             self.controller.take_target(target)
+        self.controller.take_antenna(
+            self.antenna.published_mode(t_s), self.antenna.safety.latch.text
+        )
         trajectory, status = self.controller.step(t_s)
         # Accepted at once: it begins a tenth of a second ahead, longer than any transport.
         if trajectory is not None:

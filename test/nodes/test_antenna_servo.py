@@ -7,13 +7,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from geometry_msgs.msg import Vector3, Vector3Stamped
+from geometry_msgs.msg import Quaternion, Vector3, Vector3Stamped
+from nav_msgs.msg import Odometry
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.serialization import serialize_message
 from rclpy.time import Time as ClockTime
 from rf_pointing_msgs.srv import GoTo, InjectFault, PermitSun, SignedCall, StowInFault
-from sensor_msgs.msg import JointState
+from sensor_msgs.msg import Imu, JointState
 from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
@@ -359,6 +360,30 @@ def test_the_wind_of_the_station_stows_the_antenna(make_bench: MakeBench, tmp_pa
         bench.run(0.5)
     status = bench.sent["antenna_status"][-1]
     assert (status.mode, "30.0 m/s" in status.high_wind) == ("stowing", True)
+
+
+def test_the_imu_of_a_ship_turns_its_readings_and_is_refused_where_it_is_not_one(
+    make_bench: MakeBench, tmp_path: Path
+) -> None:
+    keys = {"drive.type": "simulated_rotator", "base.coast_s": 2.0}
+    read_station("dss13").write(tmp_path / "station.yaml", keys)
+    bench = make_bench(AntennaServo, station=str(tmp_path / "station.yaml")).up()
+    deck_rad = bench.sent["joint_states"][-1].position[0]
+    # The bow to the east: no yaw in the frame of ROS.
+    for quaternion_w in (1.0,) * 20 + (0.5,):
+        message = Imu(orientation=Quaternion(w=quaternion_w))
+        message.header.stamp = stamp_from_seconds(bench.t_s - 0.02)
+        bench.give("base/imu", message)
+        bench.run(0.02)
+    level, report = math.degrees(bench.sent["joint_states"][-1].position[0]), bench.health("base")
+    assert math.remainder(level - math.degrees(deck_rad), 360.0) == pytest.approx(90.0, abs=0.1)
+    assert "quaternion has length 0.5" in report.values["last_refusal"]
+    odometry = Odometry()
+    odometry.pose.pose.orientation.w = 1.0
+    odometry.header.stamp = stamp_from_seconds(bench.t_s)
+    bench.give("base/odometry", odometry)
+    bench.run(2.5)
+    assert bench.sent["antenna_status"][-1].mode == "stowing"
 
 
 class Vendor:

@@ -8,13 +8,15 @@ from typing import Any
 import pytest
 from rf_pointing_msgs.msg import Attitude
 from rf_pointing_msgs.srv import Named, SelectTarget
-from sensor_msgs.msg import FluidPressure, RelativeHumidity, Temperature
+from sensor_msgs.msg import FluidPressure, NavSatFix, RelativeHumidity, Temperature
 
 from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
 from rf_pointing.ephemeris import ElementUncertainty, find_elements, sky_uncertainty, verification_elements
+from rf_pointing.ephemeris.sites import Site
 from rf_pointing.ephemeris.source import SourceParams, load_track
 from rf_pointing.nodes.ephemeris_publisher import EphemerisPublisher
 from rf_pointing.ros.stamps import seconds_from_stamp, stamp_from_seconds
+from rf_pointing.station.description import read_station
 
 CBERS = find_elements(verification_elements(), "28057")
 NOW_S = 1_151_384_500.0
@@ -82,6 +84,29 @@ def test_measured_weather_and_attitude_are_used_and_read_back_where_they_are_wan
     found = (source.weather.temperature_k, source.weather.pressure_hpa, source.weather.relative_humidity)
     assert found == pytest.approx((303.15, 940.0, 0.4))
     assert source.antenna.roll_rad == pytest.approx(0.5)
+
+
+def test_a_ship_is_where_its_receiver_says_and_its_passes_follow_between_two(
+    make: Callable[..., Any], tmp_path: Path
+) -> None:
+    read_station("dss13").write(tmp_path / "station.yaml", {"base.coast_s": 2.0})
+    bench = make(station=str(tmp_path / "station.yaml"))
+    for latitude_deg in (34.0, 34.00002, 44.0, math.nan):
+        bench.give("base/fix", NavSatFix(latitude=latitude_deg, longitude=-117.0, altitude=20.0))
+        bench.run(0.1)
+    assert bench.health("inputs").values["refused base/fix"] == "2"
+    # Where the ship is to a metre, with offsets as they were.
+    assert bench.change(**{"source.time_offset_s": 1.0}) == ""
+    bench.run(0.1)
+    source, target = SourceParams().replace(site=Site.from_degrees(34.00002, -117.0, 20.0)), bench.sent["target"][-1]
+    looks = load_track(source).sample([seconds_from_stamp(target.header.stamp) + 1.0])
+    assert target.azimuth == pytest.approx(looks.azimuth_rad[0], abs=1e-6)
+    bench.run(11.0, 1.0)
+    assert len(bench.sent["passes"]) == 1
+    bench.wait(bench.sent["passes"][0].passes[0].los.sec + 30.0 - bench.t_s)
+    bench.run(11.0, 1.0)
+    (before, after) = bench.sent["passes"]
+    assert after.passes[0].aos != before.passes[1].aos
 
 
 def test_what_is_set_live_is_in_force_and_a_new_configuration_begins_without_passes(make: Callable[..., Any]) -> None:

@@ -21,7 +21,7 @@ from rf_pointing.tracking.sensors import SENSOR_CHOICES
 
 ACQUIRED_S = 25.0
 # Mean loss that each station may have over the pass, dB: a scan costs 0.1.
-LOSS_DB = {"dss13": 0.05, "geo_7m": 0.3, "leo_3m7": 0.2, "rotator_2m": 0.2, "vhf_uhf_yagi": 0.3}
+LOSS_DB = {"dss13": 0.05, "geo_7m": 0.3, "leo_3m7": 0.2, "rotator_2m": 0.2, "ship_2m4": 0.2, "vhf_uhf_yagi": 0.3}
 
 
 class Flight(NamedTuple):

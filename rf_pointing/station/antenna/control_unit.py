@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rf_pointing.controllers import TrajectorySample
-from rf_pointing.core import AXES, Array, JointReading, JointTrajectory, Pair
+from rf_pointing.core import AXES, Array, JointReading, JointTrajectory, Pair, nearest_turn_rad
 from rf_pointing.core.modes import antenna_is
 from rf_pointing.ephemeris.solar import SunPermit
 from rf_pointing.identification import IdentificationExperiment
@@ -35,6 +35,8 @@ _ON_THE_WAY = {Request.PARK: AntennaMode.PARKING, Request.STOW: AntennaMode.STOW
 SAME_RAD = 1e-3
 JOG_S = 0.5
 """A jog that is not refreshed for so long ends: whoever held the key has gone."""
+AWAY_S = 1.0
+"""Time since a base that moves kept the axes off their commands in which they are still away."""
 WIND_EVERY = 5
 """Ticks between two readings of the anemometer."""
 
@@ -98,6 +100,10 @@ class ControlUnit:
         self._sun, self._sun_seen_s, self._sun_permitted = "", -math.inf, False
         self._jog_rad_s, self._jog_until_s = np.zeros(2), -math.inf
         self._turning_away = False
+        # Lower axis of a moving base while it follows commands: the real one, and that at rest.
+        self._axis_rad: float | None = None
+        self._level_rad: float | None = None
+        self._away_s, self._away = -math.inf, ""
 
     @property
     def mode(self) -> AntennaMode:
@@ -118,12 +124,15 @@ class ControlUnit:
         reason = (
             self.modes.reason_against(Request.COMMAND, self._motion())
             or ("the antenna turns away from the Sun" if self._turning_away else "")
+            or (safety.base.lost(now_s) if safety.base is not None else "")
             # Cheap checks first; the gate, which looks for a path, costs the most.
             or safety.authority.conflict(commander, now_s)
             or table.reason_against(trajectory, now_s)
             or self._find_path(trajectory, now_s)
         )
         if reason:
+            if self._away:
+                self._away_s, self._away = now_s, reason
             return self.reject(reason)
         table.take(trajectory, now_s)
         safety.authority.claim(commander, now_s)
@@ -145,13 +154,14 @@ class ControlUnit:
     def _find_path(self, trajectory: JointTrajectory, now_s: float) -> str:
         """Pass a command through the gate and note the path to it; return why no path is free."""
         path, encoder_rad = self.axes.path, self.axes.encoder_rad
-        positions = trajectory.position_rad
+        positions = self._on_base(now_s, trajectory.position_rad)
         # The gate of the controller does not bind a foreign commander; this one does.
         reason = self.safety.check("track", now_s, pair(encoder_rad), positions).reason
         if reason:
             return reason
         following = self.mode in (AntennaMode.TRACKING, AntennaMode.PAUSED)
-        return self._go_round(now_s, positions[0]) if path.leaves(trajectory, encoder_rad, following) else ""
+        level_rad = encoder_rad if self.safety.base is None else self.reading(now_s).position_rad
+        return self._go_round(now_s, positions[0]) if path.leaves(trajectory, level_rad, following) else ""
 
     def _go_round(self, now_s: float, goal_rad: Array) -> str:
         """Note the path to a far position (2,) where commands are; return why no path is free."""
@@ -367,7 +377,7 @@ class ControlUnit:
         encoder_rad, path = self.axes.encoder_rad, self.axes.path
         if path.table.empty:
             return ""
-        goal = path.table.at(self.t_s).position_rad
+        goal = self._on_base(self.t_s, path.table.at(self.t_s).position_rad[None, :])[0]
         if float(np.max(np.abs(goal - encoder_rad))) <= NEW_PATH_RAD:
             return ""
         return self._go_round(self.t_s, goal)
@@ -408,6 +418,10 @@ class ControlUnit:
         velocity, angles = self.axes.hardware.velocity_rad_s, self.axes.encoder_rad.copy()
         if self.stage is not None:
             angles += self.stage.axes_rad(float(angles[1]))
+        if (base := self.safety.base) is not None:
+            angles, velocity = base.at(t_s).to_level(angles, velocity)
+            if self._level_rad is not None:
+                angles[0] = nearest_turn_rad(float(angles[0]), self._level_rad)
         return JointReading(t_s=t_s, position_rad=angles, velocity_rad_s=velocity)
 
     def tick(self, t_s: float, passed_s: float | None = None) -> JointReading:
@@ -422,7 +436,10 @@ class ControlUnit:
             self._watch_sensors()
         reading = self.reading(t_s)
         self._watch_wind(t_s)
-        self._watch_sun(t_s)
+        if (base := self.safety.base) is None:
+            self._watch_sun(t_s)
+        elif base.lost(t_s) and base.known and self.modes.traits.leaves_wind:
+            self.stow()
         axes = self.axes
         axes.path.following = None
         # Unpowered axes get no rates: laws that run against the brakes would wind up.
@@ -439,16 +456,30 @@ class ControlUnit:
             self._watch_sensors()
         return reading
 
+    def _kept_away(self, t_s: float) -> str:
+        """Return why a base that moves keeps the axes off their commands, "" where it does not."""
+        return self._away if t_s - self._away_s < AWAY_S and self.modes.traits.transmits else ""
+
+    def published_mode(self, t_s: float) -> AntennaMode:
+        """Return the mode; of axes that are kept away, so that nobody takes them for a runaway."""
+        return AntennaMode.STOPPING if self._kept_away(t_s) else self.mode
+
     def status(self, t_s: float) -> AntennaStatus:
         """Return the status at `t_s`."""
         axes, path, safety = self.axes, self.axes.path, self.safety
         commanded, permit = path.preprocessor.state.position_rad, safety.sun.permitted(t_s)
-        silent = "" if self.modes.traits.transmits else antenna_is(self.mode)
+        away, mode = self._kept_away(t_s), self.published_mode(t_s)
+        silent = "" if self.modes.traits.transmits and not away else antenna_is(mode)
+        base, seen, shown = safety.base, pair(axes.encoder_rad), commanded
+        if base is not None:
+            # What the transmitter and the Sun see is the sky, not the deck.
+            seen, silent = base.at(t_s).level_of(seen), silent or base.lost(t_s)
+            shown = np.array(base.level_of(pair(commanded)))
         return AntennaStatus(
             t_s=t_s,
-            mode=self.mode,
+            mode=mode,
             fault=safety.latch.text,
-            commanded_rad=commanded,
+            commanded_rad=shown,
             rate_command_rad_s=axes.rate_command_rad_s,
             rate_limit_rad_s=np.array(axes.limits.rate_limit_rad_s),
             acceleration_limit_rad_s2=np.array(axes.limits.acceleration_limit_rad_s2),
@@ -460,13 +491,14 @@ class ControlUnit:
             warning=("" if axes.hardware.powered else axes.hardware.fault)
             or self._sun
             or self._ran_dry
+            or (away and f"stopped: {away}")
             or (self.stage.warning if self.stage is not None else "")
             or safety.warning(t_s, self.mode, pair(commanded)),
             high_wind=safety.wind.reason,
             transmit_inhibit=silent
-            or safety.gate.too_low_to_send(*pair(axes.encoder_rad))
+            or safety.gate.too_low_to_send(*seen)
             # A permission is for the receiver.
-            or safety.gate.sun_in_beam(*pair(axes.encoder_rad), safety.sun.at(t_s)),
+            or safety.gate.sun_in_beam(*seen, safety.sun.at(t_s)),
             commander=safety.authority.holder,
             sun=self._sun,
             sun_permit=permit.by if permit else "",
@@ -563,7 +595,7 @@ class ControlUnit:
         motion = self.modes.traits.motion
         step_s = self._passed_s / steps
         for left in reversed(range(steps)):
-            followed = self._followed(t_s - left * step_s)
+            followed = self._held(self._followed(t_s - left * step_s))
             feasible = axes.path.step(followed, pair(axes.encoder_rad), step_s)
             if motion:
                 reason = self.safety.guard(motion, t_s, *map(pair, feasible))
@@ -571,6 +603,10 @@ class ControlUnit:
                     # Whoever jogs sees it stop, and may turn back.
                     self.stop()
                     self._ran_dry = f"the jog was stopped: {reason}"
+                elif reason and self.safety.base is not None:
+                    # A ship rolls back by itself.
+                    self.stop()
+                    self._away_s, self._away = t_s, reason
                 elif reason:
                     self.stop(reason)
         # Exactly zero: the preprocessor brings the rate to zero, not near it.
@@ -614,6 +650,44 @@ class ControlUnit:
         self.axes.take_over()
         self.modes.mode = AntennaMode.STOPPING
 
+    def _on_base(self, t_s: float, level_rad: Array) -> Array:
+        """Return the angles (n, 2) of the axes for commanded ones, on the turn nearest to them."""
+        base = self.safety.base
+        if base is None:
+            return level_rad
+        found = base.at(t_s).axes_of(level_rad)
+        here_rad = float(self.axes.encoder_rad[0]) if self._axis_rad is None else self._axis_rad
+        turn_rad = nearest_turn_rad(float(found[0, 0]), here_rad) - found[0, 0]
+        low, high = self.axes.travel_rad[0]
+        # A ship that has turned too far is followed on another turn, if the travel has one.
+        for each in (turn_rad, turn_rad - math.tau, turn_rad + math.tau):
+            if low <= found[0, 0] + each <= high:
+                turn_rad = each
+                break
+        found[:, 0] += turn_rad
+        return found
+
+    def _held(self, sample: TrajectorySample | None) -> TrajectorySample | None:
+        """Return a commanded sample as the motion of the axes that holds it on a moving base."""
+        base = self.safety.base
+        if base is None or sample is None or self.mode != AntennaMode.TRACKING:
+            self._axis_rad = self._level_rad = None
+            return sample
+        near = self._on_base(sample.t_s, sample.position_rad[None, :])[0, 0]
+        if self._axis_rad is not None and abs(near - self._axis_rad) > math.pi:
+            # Another turn is a slew: it is stopped, and the next command finds a free way there.
+            self.stop()
+            self._away_s, self._away = sample.t_s, "the lower axis unwinds to another turn"
+            return None
+        position, velocity, acceleration = base.to_axes(*sample[1:4])
+        position[0] = self._axis_rad = near
+        self._level_rad = float(sample.position_rad[0])
+        if float(np.max(np.abs(position - self.axes.encoder_rad))) > NEW_PATH_RAD:
+            self._away_s = sample.t_s
+        else:
+            self._away = ""
+        return TrajectorySample(sample.t_s, position, velocity, acceleration, sample.source)
+
     def _followed(self, t_s: float) -> TrajectorySample | None:
         """Return the commanded motion at `t_s`, or None: then the goal is kept."""
         if self.mode == AntennaMode.JOGGING:
@@ -640,7 +714,7 @@ class ControlUnit:
             return sample
         # A table whose end is at rest is a goal; one that runs dry in motion is a lost commander.
         if path.at_rest(path.table.at(sample.t_s + path.table.lead_s(sample.t_s))):
-            path.goal_rad = sample.position_rad
+            path.goal_rad = self._on_base(sample.t_s, sample.position_rad[None, :])[0]
             self.modes.hold(self._motion())
         else:
             # No fault: a commander that stalled goes on with its next command.

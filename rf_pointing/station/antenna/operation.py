@@ -198,6 +198,19 @@ class AntennaOperation:
             values |= {"fault_at_s": f"{fault.t_s:.3f}", "last_commands": " | ".join(fault.lines())}
         return Report(level, status.fault or status.warning or status.mode, values)
 
+    def base_report(self, now_s: float) -> Report:
+        """Return how old the attitude of a base that moves is, and what was refused."""
+        base = self.antenna.safety.base
+        assert base is not None
+        count, reason = base.refused
+        values: dict[str, object] = {
+            "age_s": f"{base.age_s(now_s):.3f}", "latency_s": f"{base.latency_s:.3f}",
+            "refused": count, "last_refusal": reason,
+        }  # fmt: skip
+        if lost := base.lost(now_s):
+            return Report(Level.ERROR, lost, values)
+        return Report(Level.OK, "the attitude of the base is known", values)
+
     def device_report(self, now_s: float) -> Report:
         """Return what a real drive was sent, and how it answers."""
         assert isinstance(self.antenna, DriveAntenna)

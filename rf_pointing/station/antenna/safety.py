@@ -7,8 +7,12 @@ it when it arrives, and so must every tick of the motion that follows from it.
 import math
 from dataclasses import dataclass
 
+import numpy as np
+
 from rf_pointing.controllers import CommandPreprocessorParams
 from rf_pointing.core import Array, Kinematics, Pair, Params, parameter
+from rf_pointing.core.modes import antenna_is
+from rf_pointing.core.moving_base import BaseParams, MovingBase
 from rf_pointing.ephemeris.solar import SolarDirection, SunParams
 from rf_pointing.planning import (
     Authority,
@@ -46,6 +50,7 @@ class SafetyParams(Params):
     gate: GateParams = parameter(GateParams(), "margins of the limits")
     mask: HorizonMask = parameter(HorizonMask(), "horizon that the antenna does not look below")
     kinematics: Kinematics = parameter(Kinematics(), "how the axes lie")
+    base: BaseParams = parameter(BaseParams(), "base that moves")
     sun: SunParams = parameter(SunParams(), "the Sun that the antenna does not look into")
     at_rest: SunAtRestParams = parameter(SunAtRestParams(), "the Sun that comes to it at rest")
     park_azimuth_rad: float = parameter(0.0, "azimuth of the park position", -20.0, 20.0)
@@ -71,6 +76,7 @@ class AntennaSafety:
         self.params = params
         self.retune(motion)
         self.sun = SolarDirection(params.sun, params.kinematics)
+        self.base = MovingBase(params.base, params.kinematics) if params.base.moves else None
         names = params.kinematics.axes
         self.watch, self.drive = AxisWatch(params.watch, tick_s, names), DriveWatch(params.drive, tick_s, names)
         self.wind = WindWatch(params.wind)
@@ -125,8 +131,15 @@ class AntennaSafety:
 
     def check(self, kind: str, t_s: float, present: Pair, positions: Array) -> Decision:
         """Decide on a motion requested at `t_s`, from `present` through `positions` (n, 2)."""
+        return self.gate.check(kind, present, positions, None, self._avoided(t_s), self.wind.reason)
+
+    def _avoided(self, t_s: float) -> Pair | None:
+        """Return the Sun to keep away from in the angles of the axes, also on a base that moves."""
         sun_rad = self.sun.avoided(t_s)
-        return self.gate.check(kind, present, positions, None, sun_rad, self.wind.reason)
+        if self.base is None or sun_rad is None:
+            return sun_rad
+        first, second = self.base.at(t_s).axes_of(np.array([sun_rad]))[0].tolist()
+        return first, second
 
     def guard(self, kind: str, t_s: float, position: Pair, rate: Pair, acceleration: Pair = (0.0, 0.0)) -> str:
         """Return "" or why a motion must be stopped now, wherever it was allowed to go."""
@@ -138,16 +151,20 @@ class AntennaSafety:
         # Looked at one tick ahead: a stop that begins inside the forbidden region begins too late.
         then = position[0] + tick_s * rate[0], position[1] + tick_s * rate[1]
         faster = rate[0] + tick_s * acceleration[0], rate[1] + tick_s * acceleration[1]
-        return self.gate.guard(kind, position, then, faster, self.sun.avoided(t_s))
+        return self.gate.guard(kind, position, then, faster, self._avoided(t_s))
 
     def clock_stepped(self, by_s: float) -> None:
         """Go on with a clock that was stepped: what was silent has been so as long as before."""
         self.wind.clock_stepped(by_s)
+        if self.base is not None:
+            self.base.clock_stepped(by_s)
         self.authority.clock_stepped(by_s)
         self.commanded_s += by_s
 
     def warning(self, t_s: float, mode: AntennaMode, commanded: Pair) -> str:
         """Return what is not a fault yet: high wind without stow, a late command, a near limit."""
+        if self.base is not None and (lost := self.base.lost(t_s)):
+            return f"{lost}: {antenna_is(mode)}"
         if self.wind.reason and mode not in (AntennaMode.STOWING, AntennaMode.STOWED):
             return f"{self.wind.reason}: the antenna is not stowed ({mode})"
         # The period belongs to it: a command that is due now is not late.

@@ -15,6 +15,7 @@ from rf_pointing.core.second_stage import SecondStageParams, axes_from_sky
 from rf_pointing.core.types import Array, Pair
 from rf_pointing.drives import DriveParams
 from rf_pointing.servo import AntennaPlant, PlantParams, Wind, WindParams, WindSource, dss13_plant
+from rf_pointing.servo.base_motion import BaseMotion, BaseMotionParams
 from rf_pointing.servo.second_stage import StagePlant
 from rf_pointing.station.antenna.axes import Following
 from rf_pointing.station.antenna.control_unit import ControlUnit
@@ -60,6 +61,7 @@ class AntennaParams(Params):
     loops: LoopParams = parameter(LoopParams(), "position laws and limits of the commands")
     wind: WindParams = parameter(WindParams(), "wind at the dish")
     mount: MountParams = parameter(MountParams(), "errors of the mount")
+    base_motion: BaseMotionParams = parameter(BaseMotionParams(), "true motion of the base")
     safety: SafetyParams = parameter(SafetyParams(), "limits of trust, park and stow position")
     second_stage: SecondStageParams = parameter(SecondStageParams(), "fast actuator of the beam")
 
@@ -136,6 +138,8 @@ class SimulatedHardware(AntennaPlant):
         self._beam = SimulatedBeam(
             params.mount, params.antenna.lag_averaging_s, self._tick_s, params.safety.kinematics
         )  # fmt: skip
+        moves = params.safety.base.moves
+        self.base = BaseMotion(params.base_motion, seed) if moves else None
 
     def bend(self, mount: MountParams) -> None:
         """Have other mount errors from now on, as in another band."""
@@ -156,6 +160,9 @@ class SimulatedHardware(AntennaPlant):
         if self.stage is not None:
             beam = beam + axes_from_sky(self.stage.deflection_rad, float(beam[1]))
         boresight = self._beam.boresight(t_s, beam, self.velocity_rad_s)
+        if self.base is not None:
+            sky = self.base.sky_at(t_s, boresight.azimuth_rad, boresight.elevation_rad)
+            boresight = Boresight(t_s=t_s, azimuth_rad=sky[0], elevation_rad=sky[1])
         # At the true boresight: the wind does not know what the encoders show.
         self._torque = self._wind.step(self._tick_s, boresight.azimuth_rad, boresight.elevation_rad)
         return boresight
@@ -201,6 +208,9 @@ class SimulatedAntenna(ControlUnit):
     def step(self, t_s: float) -> tuple[JointReading, Boresight]:
         """Return encoder reading and true boresight at `t_s`, then advance by one tick."""
         boresight = self.hardware.look(t_s)
+        if self.hardware.base is not None and self.safety.base is not None:
+            for sample in self.hardware.base.samples(t_s):
+                self.safety.base.take(sample, t_s)
         return self.tick(t_s), boresight
 
     def deactivate(self) -> None:

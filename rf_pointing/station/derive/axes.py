@@ -5,21 +5,28 @@ from typing import TYPE_CHECKING, Any
 
 from rf_pointing.core import AXES, Kinematics, Pair, Rows, Value, flat, leaves, rounded, tuned
 from rf_pointing.core.mount_types import LOWER_AXES
+from rf_pointing.planning.horizon import HorizonMask
 from rf_pointing.station.derive.band import AXIS_KEYS, Band, nearest_within, site_of
-from rf_pointing.station.description.content import Content
+from rf_pointing.station.description.content import BaseSection, Content
 
 if TYPE_CHECKING:
     from rf_pointing.calibration import BiasModel
 
 TRAIN_RATE_DEG_S = 1.0
+SKY_TURNS_DEG = (-720.0, 720.0)
+"""Azimuths on the sky for a base that moves: its own turns are those of its axes."""
 
 
 def limits(of: Band) -> Rows:
     """Travel that may be commanded."""
+    travel = [axis.travel_deg for axis in of.axes]
+    if of.content.base is not None and kinematics_of(of.content).level:
+        # The controller knows the sky: the control unit has the turns and the travel of the axes.
+        travel = [SKY_TURNS_DEG, (0.0, 90.0)]
     return {
         f"{name}_{side}_deg": Value(angle, f"{key}.travel_deg")
-        for name, key, axis in zip(AXES, of.content.mount.keys, of.axes, strict=True)
-        for side, angle in zip(("min", "max"), axis.travel_deg, strict=True)
+        for name, key, ends in zip(AXES, of.content.mount.keys, travel, strict=True)
+        for side, angle in zip(("min", "max"), ends, strict=True)
     }
 
 
@@ -148,11 +155,21 @@ def sun_at_rest(of: Band) -> Rows:
     return {name: Value(getattr(of.content.sun, name), f"sun.{name}") for name in names}
 
 
-def mask(of: Band) -> Rows:
-    """The horizon."""
+def mask(of: Band, *, deck: bool = False) -> Rows:
+    """The horizon; on a base that moves it is that of the deck, and the sky has a free one."""
     key = "mount.horizon_file" if of.content.mount.horizon_file else "mount.horizon_deg"
     keys = {"clearance_deg": "mount.horizon_clearance_deg"}
-    return {name: Value(value, keys.get(name, key)) for name, (_, value) in leaves(of.mask).items()}
+    seen = of.mask
+    if of.content.base is not None and not deck:
+        seen = HorizonMask(clearance_rad=seen.clearance_rad)
+    return {name: Value(value, keys.get(name, key)) for name, (_, value) in leaves(seen).items()}
+
+
+def base(of: Band) -> Rows:
+    """The base of the antenna."""
+    given = of.content.base or BaseSection()
+    rows = {name: Value(getattr(given, name), f"base.{name}") for name in ("coast_s", "imu_deg")}
+    return rows | {"moves": Value(of.content.base is not None, "base")}
 
 
 def gate(of: Band) -> Rows:

@@ -7,7 +7,7 @@ memory than it needs.
 from collections.abc import Callable, Mapping
 from functools import cache
 
-from rf_pointing.core import Rows, Sensor, Value, rounded, tuned
+from rf_pointing.core import Rows, Sensor, Value, flat, rounded, tuned
 from rf_pointing.planning.horizon import HorizonMask
 from rf_pointing.station import parameters as own
 from rf_pointing.station.derive.band import Band, Derived, pass_elevation_deg
@@ -53,14 +53,17 @@ def antenna_servo(of: Band) -> Derived:
         "loops": loops,
         "wind": wind | {"dish_diameter_m": Value(of.wind_diameter_m, "dish.diameter_m", "1 m without a dish")},
         "mount": axes.mount_errors(of),
+        "base_motion": {name: Value(value, f"simulation.base.{name}")
+                        for name, value in flat(simulation.base).items()},
         "safety": {
             **axes.rest(of), "watch": watches.encoder_watch(of), "drive": watches.drive_watch(of),
-            "wind": axes.wind_limits(of), "gate": axes.gate(of), "mask": axes.mask(of),
-            "kinematics": axes.kinematics(of), "sun": axes.sun(of), "at_rest": axes.sun_at_rest(of),
+            "wind": axes.wind_limits(of), "gate": axes.gate(of), "mask": axes.mask(of, deck=True),
+            "kinematics": axes.kinematics(of), "base": axes.base(of), "sun": axes.sun(of),
+            "at_rest": axes.sun_at_rest(of),
         },
         "second_stage": loop.second_stage(of),
     }  # fmt: skip
-    trial = ("antenna.", "mount.", "wind.mean_speed_m_s", "wind.from_azimuth_deg")
+    trial = ("antenna.", "mount.", "base_motion.", "wind.mean_speed_m_s", "wind.from_azimuth_deg")
     return Derived(AntennaParams().sets(), rows, trial, {"": ServoNodeParams(), **KEY})
 
 
@@ -103,7 +106,8 @@ def ephemeris_publisher(of: Band) -> Derived:
     return Derived(
         {"source": SourceParams(), "mask": HorizonMask(), "publisher": PublisherParams(),
          "uncertainty": ElementUncertainty()},
-        {"source": {"site": axes.site(of)}, "mask": axes.mask(of), "publisher": {"mask_deg": begin}},
+        {"source": {"site": axes.site(of)}, "mask": axes.mask(of),
+         "publisher": {"mask_deg": begin, "moves": Value(of.content.base is not None, "base")}},
         ("source.", "publisher.", "uncertainty."),
     )  # fmt: skip
 

@@ -17,6 +17,7 @@ from rf_pointing.ephemeris import SITES
 from rf_pointing.planning import HorizonMask
 from rf_pointing.planning.horizon_file import in_order, read_horizon
 from rf_pointing.receiver.params import SignalReceiverParams
+from rf_pointing.servo.base_motion import BaseMotionParams
 from rf_pointing.station.derive.axes import kinematics_of
 from rf_pointing.station.derive.band import BEAM_FACTOR_DEG, SPEED_OF_LIGHT_M_S, pass_elevation_deg
 from rf_pointing.station.derive.nodes import NODES, described_parameters, reference
@@ -72,8 +73,14 @@ def check(content: Content, reader: Reader, nodes: tuple[str, ...]) -> HorizonMa
         reader.wrong("second_stage", f": drive.type={kind!r} takes positions, not rates")
     if content.receiver is not None:
         _check_receiver(content.receiver, content.receiver, "receiver", reader)
-    if content.simulation is not None and "antenna_servo" in nodes:
-        _check_errors(content.simulation.mount_errors, "simulation.mount_errors", reader)
+    if (simulation := content.simulation) is not None and "antenna_servo" in nodes:
+        _check_errors(simulation.mount_errors, "simulation.mount_errors", reader)
+        given = flat(simulation.base or {})
+        motion = {f"base_motion.{name}": value for name, value in given.items()}
+        sets = {"base_motion": BaseMotionParams()}
+        _check_names(sets, motion, "simulation.base", reader, strip="base_motion.")
+        if motion and content.base is None:
+            reader.wrong("simulation.base", " needs the section base: the antenna is on the ground")
     return mask
 
 

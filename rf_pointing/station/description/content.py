@@ -357,6 +357,16 @@ class SecondStageSection:
 
 
 @dataclass(frozen=True, kw_only=True)
+class BaseSection:
+    """Base of an antenna on a ship or a vehicle; its motion is base/imu or base/odometry."""
+
+    coast_s: float = parameter(2.0, "silence of the IMU before the antenna is stowed", 0.2, 60.0)
+    imu_deg: tuple[float, ...] = parameter(
+        (0.0, 0.0, 0.0), "roll, pitch, yaw of the IMU on the base, as in REP-103", -229.0, 229.0
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
 class SimulationSection:
     """The truth of a simulated station: what its nodes have to correct.  A trial may change it."""
 
@@ -370,6 +380,7 @@ class SimulationSection:
     lag_averaging_s: float = parameter(5.0, "time in which the lags of the mount build up", 0.1, 100.0)
     wind: SimulatedWindSection = section("wind on the simulated antenna", SimulatedWindSection)
     mount_errors: Open = section("mount errors of the simulated antenna, as mount.* of antenna_servo")
+    base: Open = section("motion of its base, as base_motion.* of antenna_servo")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -381,6 +392,7 @@ class Content:
     site: SiteSection | str = parameter(description="where it stands: coordinates, or the name of a built-in site")
     mount: MountSection = parameter(description="axes and where they may look")
     dish: DishSection | None = parameter(None, "the dish; omit for antennas without one (Yagi)")
+    base: BaseSection | None = parameter(None, "base that moves; omit for an antenna on the ground")
     array: ArraySection | None = parameter(None, "array of patches on the dish; omit for dishes without one")
     sun: SunSection = section("the zone around the Sun", SunSection)
     wind: WindSection = section("wind that stows the antenna", WindSection)

@@ -22,6 +22,7 @@ from rf_pointing.ephemeris import (
 )
 from rf_pointing.ephemeris.element_updates import ElementUpdates
 from rf_pointing.ephemeris.learned_times import LearnedTime, LearnedTimes
+from rf_pointing.ephemeris.sites import Site
 from rf_pointing.ephemeris.source import SourceParams, TargetMemory, load_track, refraction_at, unused
 from rf_pointing.ephemeris.target_offsets import OffsetSets, TargetOffsets
 from rf_pointing.planning import HorizonMask, PassProfile
@@ -35,6 +36,10 @@ WEATHER_STEPS = {"temperature_k": 0.5, "pressure_hpa": 0.5, "relative_humidity":
 WEATHER_AGE_S = 3600.0
 ATTITUDE_SHARE = 0.02
 """Share of the satellite's beam by which its axis moves before it matters, 0.005 dB."""
+MOVED_M, SAILED_M = 1.0, 2e3
+"""Distances from which a measured place is used, and from which passes are looked for again."""
+FASTEST_M_S, BLUNDER_M = 350.0, 100.0
+"""Speed of an aircraft, and an error of its receiver: what is farther away is refused."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,6 +55,7 @@ class PublisherParams(Params):
     learned_file: str = parameter(
         "", "file that keeps what passes taught of the satellites' times along their orbits; empty: not kept"
     )
+    moves: bool = parameter(False, "whether base/fix says where the station is, as on a ship")
 
 
 class PredictedTarget:
@@ -79,6 +85,7 @@ class PredictedTarget:
         self._no_pass = self._unknown = self._not_renewed = self._weather_problem = ""
         self._weather: dict[str, float] = {}
         self._weather_s = math.inf
+        self._place_s, self._searched_m = -math.inf, self.track.site.position_m
         self._attitude: SatelliteAntennaParams | None = None
         self._quiet = False
 
@@ -166,28 +173,49 @@ class PredictedTarget:
         """Note the satellite's measured attitude (`SatelliteAntennaParams.turned`)."""
         self._attitude = self.source.antenna.turned(quaternion)
 
+    def take_place(self, place: tuple[float, float, float], now_s: float) -> None:
+        """Predict from where the station is now, by latitude and longitude in deg and height in m.
+
+        Raises ValueError for a place that it cannot have reached.
+        """
+        site = Site.from_degrees(*place)
+        moved_m = math.dist(site.position_m, self.track.site.position_m)
+        within_m = BLUNDER_M + FASTEST_M_S * (now_s - self._place_s)
+        if moved_m > within_m:
+            moved = f"the station is {moved_m:.0f} m from its last place"
+            raise ValueError(f"{moved}, must be <= {within_m:.0f} m")
+        self._place_s = now_s
+        if moved_m > MOVED_M:
+            held_s, offsets = self.track.hold_t_s, self.track.offsets.offsets
+            self.source = self.source.replace(site=site)
+            self.track = self.track.with_offsets(site=site, hold_t_s=held_s, **offsets)
+
     def renew(self, now_s: float) -> tuple[str, bool]:
         """Bring weather, attitude and newer elements into force; return news, and if it is bad.
 
-        Elements come neither in a pass nor just before one, and not while the target is held.
+        Elements, and passes of another place, come neither in a pass nor just before one, and not
+        while the target is held.
         """
         self._use_weather(now_s)
         self._use_attitude(now_s)
         if taught := self._learn(now_s):
             return taught, False
-        if self._quiet or not self.updates.changed() or self.source.hold:
+        sailed = math.dist(self.track.site.position_m, self._searched_m) > SAILED_M
+        if self._quiet or not (sailed or self.updates.changed()) or self.source.hold:
             return "", False
         if self._near_a_pass(now_s, self.params.margin_s + self.params.lead_s + RENEWAL_S):
             return "", False
         # Tried once: a broken file is not read every ten seconds, the next one is.
         self.updates.accept()
+        self._searched_m, what = self.source.site.position_m, "passes" if sailed else "elements"
+        self._keep()
         try:
             self._choose(load_track(self.source), now_s, self.peak_rad)
         except (ValueError, OSError) as error:
-            self._not_renewed = f"elements were not renewed: {error}"
+            self._not_renewed = f"{what} were not renewed: {error}"
             return self._not_renewed, True
         self._not_renewed, self._unused = "", unused(self.source.elements)
-        return f"newer elements of {self.track.name} are in force", False
+        return f"newer {what} of {self.track.name} are in force", False
 
     def health(self, now_s: float) -> Report:
         """Return whether the target is known, or what is doubtful, and the numbers behind it."""
