@@ -135,8 +135,9 @@ def test_bag_without_common_stamps_is_refused(attitude_bag: Path) -> None:
 
 
 def holds_colour(path: Path, colour: str) -> bool:
-    pixels = np.round(imread(path)[:, :, :3] * 255.0).astype(np.uint8)
-    return bool(np.any(np.all(pixels == np.array(list(bytes.fromhex(colour)), dtype=np.uint8), axis=-1)))
+    off = 255.0 * imread(path)[:, :, :3] - list(bytes.fromhex(colour))
+    # Versions of matplotlib round a blended pixel up or down.
+    return bool(np.min(np.max(np.abs(off), axis=-1)) < 1.5)
 
 
 @pytest.mark.parametrize("kind", ["attitude", "pose"])
