@@ -32,7 +32,7 @@ QUICK = {
     "geo_service": "--days 2 --stations rotator_2m --inclinations 1",
     "ka_model": "model.yaml",
     "keyhole": "--passes 2",
-    "moving_base": "--seconds 30 --cases turn",
+    "moving_base": "--seconds 20 --cases rest",
     "near_the_sun": "--passes 1 --apart 2.0 --station leo_3m7",
     "orbit_from_passes": "--trials 5 --at-once 5",
     "night": "--hours 0.5 --satellites 3 --station leo_3m7",
