@@ -15,6 +15,7 @@ how far the choice is from the best one.
 import math
 from collections.abc import Collection, Hashable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -194,8 +195,8 @@ class Programme:
                 cost = -value - rows.T @ found.ineqlin.marginals - equal.T @ found.eqlin.marginals
                 near = (found.x > 1e-6) | (cost <= NEAR_WORTH)
                 columns = np.flatnonzero(near | (np.arange(len(value)) >= len(nodes)))
-        once = LinearConstraint(equal[:, columns], 1.0, 1.0)
-        limits = [once, LinearConstraint(rows[:, columns], -np.inf, high)]
+        once = LinearConstraint(_narrow(equal[:, columns]), 1.0, 1.0)
+        limits = [once, LinearConstraint(_narrow(rows[:, columns]), -np.inf, high)]
         found = milp(
             -value[columns], integrality=(columns < len(nodes)).astype(int), bounds=Bounds(0.0, most[columns]),
             constraints=[each for each in limits if each.A.shape[0]],
@@ -223,6 +224,12 @@ class Programme:
                 used[rows] = 1.0
                 taken.add(int(self._number[node]))
         return taken
+
+
+def _narrow(matrix: Any) -> Any:
+    """Return a sparse matrix with indices of 32 bits: HiGHS of scipy 1.11 takes no others."""
+    matrix.indices, matrix.indptr = (each.astype(np.int32) for each in (matrix.indices, matrix.indptr))
+    return matrix
 
 
 def _at_once(group: IntArray, begin_s: Array, end_s: Array) -> Iterator[IntArray]:
