@@ -74,7 +74,9 @@ class LawResponse:
         frequency = _grid()
         s, z = 2j * np.pi * frequency, np.exp(2j * np.pi * frequency * SAMPLE_S)
         self.matrices = a, b, c, d = law.matrices(SAMPLE_S)
-        solved = np.linalg.solve(z[:, None, None] * np.eye(len(a)) - a, b.astype(np.complex128))
+        solved = np.linalg.solve(
+            z[:, None, None] * np.eye(len(a)) - a, b.astype(np.complex128)[None]
+        )
         self.gain: ComplexArray = np.asarray(c @ solved + d, dtype=np.complex128)[:, 0, 0]
         self.fed: ComplexArray = _notch_response(law, z) * s / (1.0 + s / (2.0 * math.pi * 10.0))
 

@@ -65,11 +65,13 @@ def missed_gusts_m_s(
 
     By Davenport's spectrum beyond half the rate of the records.
     """
+    from scipy.integrate import trapezoid
+
     mean_m_s = float(np.mean(np.hypot(*velocity_m_s.T)))
     step_s = float(np.median(np.diff(t_s))) if len(t_s) > 1 else 1e4
     beyond_hz = np.geomspace(0.5 / step_s, 1e3 / step_s, 500)
     gusts = davenport_psd(beyond_hz, max(mean_m_s, 0.1), drag_coefficient)
-    return mean_m_s, float(np.sqrt(np.trapezoid(gusts, beyond_hz)))
+    return mean_m_s, float(np.sqrt(trapezoid(gusts, beyond_hz)))
 
 
 def calm(params: WindParams) -> RecordedWind:

@@ -38,7 +38,7 @@ def test_an_axis_has_the_responses_of_the_linear_model(axis: int) -> None:
     slow = response.frequency_hz < 0.3
     s = 2j * np.pi * response.frequency_hz[:, None, None]
     shown = np.vstack([model.encoder[axis], model.beam[axis]])
-    solved = np.linalg.solve(s * np.eye(len(model.a)) - model.a, np.hstack([model.b_wind, model.b_command]))
+    solved = np.linalg.solve(s * np.eye(len(model.a)) - model.a, np.hstack([model.b_wind, model.b_command])[None])
     exact = shown @ solved
     # The modes of an axis move the other one a little, which one axis alone does not have.
     np.testing.assert_allclose(response.from_wind, exact[:, :, axis], rtol=1e-6, atol=1e-4)

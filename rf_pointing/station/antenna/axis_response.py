@@ -95,7 +95,7 @@ class AxisResponse:
 
     def _solve(self, points: ComplexArray, a: Array, b: Array) -> ComplexArray:
         systems = points[:, None, None] * np.eye(len(a)) - a
-        solved = np.linalg.solve(systems, b.astype(np.complex128))
+        solved = np.linalg.solve(systems, b.astype(np.complex128)[None])
         return np.asarray((self.outputs @ solved)[:, :, 0])
 
 
