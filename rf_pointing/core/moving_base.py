@@ -180,14 +180,10 @@ class MovingBase:
         rate, known, age_s = OF_ROS @ self._imu @ sample.rate_rad_s, self._known, now_s - sample.t_s
         fastest, reason = float(np.max(np.abs(rate))), ""
         if not -EARLY_S <= age_s <= LATE_S:
-            reason = (
-                f"the sample is {age_s:.3f} s old, must be within {-EARLY_S:g} and {LATE_S:g} s"
-            )
+            reason = f"the sample is {age_s:.3f} s old, must be {-EARLY_S:g} to {LATE_S:g} s"
         elif fastest > self.params.fastest_rad_s:
-            most = math.degrees(self.params.fastest_rad_s)
-            reason = (
-                f"the base turns at {math.degrees(fastest):.1f} deg/s, must be <= {most:.1f} deg/s"
-            )
+            turns, most = math.degrees(fastest), math.degrees(self.params.fastest_rad_s)
+            reason = f"the base turns at {turns:.1f} deg/s, must be <= {most:.1f} deg/s"
         if known is None or sample.t_s - known.t_s > self.params.coast_s:
             new = BaseState(sample.t_s, attitude, rate, np.zeros(3))
         else:

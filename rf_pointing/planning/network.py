@@ -15,7 +15,6 @@ how far the choice is from the best one.
 import math
 from collections.abc import Collection, Hashable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -195,8 +194,11 @@ class Programme:
                 cost = -value - rows.T @ found.ineqlin.marginals - equal.T @ found.eqlin.marginals
                 near = (found.x > 1e-6) | (cost <= NEAR_WORTH)
                 columns = np.flatnonzero(near | (np.arange(len(value)) >= len(nodes)))
-        once = LinearConstraint(_narrow(equal[:, columns]), 1.0, 1.0)
-        limits = [once, LinearConstraint(_narrow(rows[:, columns]), -np.inf, high)]
+        once = LinearConstraint(equal[:, columns], 1.0, 1.0)
+        limits = [once, LinearConstraint(rows[:, columns], -np.inf, high)]
+        for sums in (each.A for each in limits):
+            # HiGHS of scipy 1.11 takes indices of 32 bits.
+            sums.indices, sums.indptr = sums.indices.astype(np.int32), sums.indptr.astype(np.int32)
         found = milp(
             -value[columns], integrality=(columns < len(nodes)).astype(int), bounds=Bounds(0.0, most[columns]),
             constraints=[each for each in limits if each.A.shape[0]],
@@ -224,12 +226,6 @@ class Programme:
                 used[rows] = 1.0
                 taken.add(int(self._number[node]))
         return taken
-
-
-def _narrow(matrix: Any) -> Any:
-    """Return a sparse matrix with indices of 32 bits: HiGHS of scipy 1.11 takes no others."""
-    matrix.indices, matrix.indptr = (each.astype(np.int32) for each in (matrix.indices, matrix.indptr))
-    return matrix
 
 
 def _at_once(group: IntArray, begin_s: Array, end_s: Array) -> Iterator[IntArray]:

@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.integrate import trapezoid
 
 from rf_pointing.controllers import load_lqg_designs
 from rf_pointing.controllers.margins import sampled_response
@@ -65,8 +66,6 @@ def missed_gusts_m_s(
 
     By Davenport's spectrum beyond half the rate of the records.
     """
-    from scipy.integrate import trapezoid
-
     mean_m_s = float(np.mean(np.hypot(*velocity_m_s.T)))
     step_s = float(np.median(np.diff(t_s))) if len(t_s) > 1 else 1e4
     beyond_hz = np.geomspace(0.5 / step_s, 1e3 / step_s, 500)
