@@ -8,11 +8,11 @@ node is killed (-9) or stopped (SIGSTOP, 0.2 to 5 s), and the device behind the 
 again after 0.5 s, as a launch file does.  --busy processes compute meanwhile.
 
 A second of a pass is lost while the axes are more than half the beamwidth from the satellite, or
-have not been received for 1 s.  A fault, which for a killed node lasts until it is active again,
-may cost itself and 10 s more; one of the device, or of a node between two passes, which keeps the
-axes from the slew to a rise, their way at 6 deg/s too.  Every other lost second, a node that ends by itself, an
-outage of the device which nobody has reported within the 10 min in which an alarm is not repeated,
-and more than six messages about one fault fail the soak (exit 1).
+have not been received for 1 s.  A fault, which for a killed node lasts until it is active again, may
+cost itself and 10 s more, one of the device its way back at 6 deg/s too.  Every other
+lost second, a node that ends by itself, an outage of the device which nobody has reported within
+the 10 min in which an alarm is not repeated, and more than six messages about one fault fail the
+soak (exit 1).
 """
 
 import argparse
@@ -138,30 +138,18 @@ class Soak:
             self.spin(self.random.uniform(*GAP_S))
             what, bring_about = next(kinds)
             begin_s = self.now_s
-            from_deg = bring_about()
-            way_s = 0.0 if from_deg is None else self._way_s(from_deg, self.station.axes[-1][1])
-            fault = Fault(what, begin_s, self.now_s, self.now_s + ALLOWED_S + way_s)
+            spare_s = bring_about()
+            fault = Fault(what, begin_s, self.now_s, self.now_s + ALLOWED_S + spare_s)
             self.faults.append(fault)
             print(f"  {begin_s:7.1f} s  {what}", flush=True)
             self.spin(fault.until_s - self.now_s)
         self.spin(20.0)
 
-    @property
-    def _here_deg(self) -> np.ndarray:
-        """Where the axes (2,) were last."""
-        return np.array(self.station.axes[-1][1:])
-
-    @property
-    def _left_deg(self) -> np.ndarray | None:
-        """Where a node that failed has left the axes between two passes; None in a pass."""
-        t_s = time.time()
-        return None if any(each.aos_t_s <= t_s <= each.los_t_s for each in self.passes) else self._here_deg
-
-    def _kinds(self) -> Iterator[tuple[str, Callable[[], np.ndarray | None]]]:
+    def _kinds(self) -> Iterator[tuple[str, Callable[[], float]]]:
         """Yield faults for ever: every kind once in random order, then all again."""
         nodes = [(name, act) for name in NODES for act in (self._kill, self._stall)]
         while True:
-            kinds: list[tuple[str, Callable[[], np.ndarray | None]]] = [
+            kinds: list[tuple[str, Callable[[], float]]] = [
                 (f"{name} {'killed' if act == self._kill else 'stopped'}", lambda n=name, a=act: a(n))
                 for name, act in nodes
             ]
@@ -169,7 +157,7 @@ class Soak:
             self.random.shuffle(kinds)
             yield from kinds
 
-    def _kill(self, name: str) -> np.ndarray | None:
+    def _kill(self, name: str) -> float:
         self._killed.add(name)
         station, begun_s = self.station, time.monotonic()
         station.signal(name, signal.SIGKILL)
@@ -179,31 +167,31 @@ class Soak:
             self.spin(0.1)
             state = station.health.get(f"{name}: state")
             if name not in station.processes.ended() and state is not None and state.message.startswith("active"):
-                return self._left_deg
+                return 0.0
         self.ended.append(f"{self.now_s:.1f} s: {name} is not back after {BACK_S:.0f} s")
-        return self._left_deg
+        return 0.0
 
-    def _stall(self, name: str) -> np.ndarray | None:
+    def _stall(self, name: str) -> float:
         low, high = map(math.log, STALL_S)
         self.station.signal(name, signal.SIGSTOP)
         try:
             self.spin(math.exp(self.random.uniform(low, high)))
         finally:
             self.station.signal(name, signal.SIGCONT)
-        return self._left_deg
+        return 0.0
 
-    def _block(self) -> np.ndarray:
+    def _block(self) -> float:
         self.station.device.signal(signal.SIGSTOP)
         self.spin(self.random.uniform(*BLOCK_S))
         self.station.device.signal(signal.SIGCONT)
-        return self._here_deg
+        return self._way_s(np.array(self.station.axes[-1][1:]), self.station.axes[-1][1])
 
-    def _out(self) -> np.ndarray:
-        device = self.station.device
+    def _out(self) -> float:
+        device, axes = self.station.device, self.station.axes
         device.kill()
         self.spin(self.random.uniform(*OUT_S))
         device.start()
-        return np.array(device.home_deg)
+        return self._way_s(np.array(device.home_deg), axes[-1][1])
 
     def _way_s(self, from_deg: np.ndarray, azimuth_deg: float) -> float:
         """Return how long axes at their full speed need from there to the satellite, or to its rise.

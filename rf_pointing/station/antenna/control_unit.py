@@ -131,7 +131,7 @@ class ControlUnit:
             or self._find_path(trajectory, now_s)
         )
         if reason:
-            if self._away:
+            if self._away or (safety.base is not None and self.mode == AntennaMode.TRACKING):
                 self._away_s, self._away = now_s, reason
             return self.reject(reason)
         table.take(trajectory, now_s)

@@ -75,7 +75,8 @@ class PredictedTarget:
         self._horizon, self._show, self._log_once = mask.above(params.mask_rad), show, log_once
         self._memory = TargetMemory(params.state_file, source)
         self.sets = OffsetSets(params.state_file, band)
-        self.source, self.peak_rad = self._memory.source, self._memory.peak_rad
+        kept, self.peak_rad = self._memory.source, self._memory.peak_rad
+        self.source = kept if params.moves else kept.replace(site=source.site)
         self.learned = LearnedTimes(params.learned_file)
         self.updates = ElementUpdates(self.source.elements)
         self.updates.require()
@@ -182,8 +183,7 @@ class PredictedTarget:
         moved_m = math.dist(site.position_m, self.track.site.position_m)
         within_m = BLUNDER_M + FASTEST_M_S * (now_s - self._place_s)
         if moved_m > within_m:
-            moved = f"the station is {moved_m:.0f} m from its last place"
-            raise ValueError(f"{moved}, must be <= {within_m:.0f} m")
+            raise ValueError(f"{moved_m:.0f} m from the last place, must be <= {within_m:.0f} m")
         self._place_s = now_s
         if moved_m > MOVED_M:
             held_s, offsets = self.track.hold_t_s, self.track.offsets.offsets
