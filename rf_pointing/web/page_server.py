@@ -161,6 +161,7 @@ class PageApp:
         }
         self._waiting = 0
         self._in_request = set[Any]()
+        self._headless = dict[Any, asyncio.TimerHandle]()
         self._reports = Path(params.reports).expanduser().resolve() if params.reports else None
         # In memory, under their names: no request is turned into a path.
         self._files = {
@@ -198,6 +199,8 @@ class PageApp:
     ) -> web.StreamResponse:
         """Refuse foreign hosts and origins; turn every error into a sentence."""
         self._in_request.add(request.protocol)
+        if timer := self._headless.pop(request.protocol, None):
+            timer.cancel()
         try:
             self._require_ours(request)
             response = await handler(request)
@@ -215,13 +218,21 @@ class PageApp:
                 response.headers.setdefault(name, value)
         return response
 
-    def give_way(self, server: Any) -> None:
-        """Close the oldest connections without a request, if there are too many."""
+    def admit(self, server: Any) -> Any:
+        """Return a connection that ends unless a head comes; the oldest idle ones give way."""
         # One that is being closed has no transport any more.
         alive = [each for each in server.connections if each.transport is not None]
         more = max(0, len(alive) + 1 - self._params.viewers - MORE_CONNECTIONS)
         for each in [each for each in alive if each not in self._in_request][:more]:
             each.force_close()
+        # The time limits of aiohttp begin after the first request, in some of its versions.
+        new = server()
+        self._headless[new] = asyncio.get_running_loop().call_later(HEADER_S, self._end, new)
+        return new
+
+    def _end(self, connection: Any) -> None:
+        del self._headless[connection]
+        connection.force_close()
 
     def _require_ours(self, request: web.Request) -> None:
         host = request.headers.get("Host", "")
@@ -452,14 +463,9 @@ class PageServer:
             lingering_time=1.0,
         )
         await runner.setup()
-
-        def admitted() -> Any:
-            app.give_way(runner.server)
-            return runner.server()
-
         try:
             self._port = await self._loop.create_server(
-                admitted, self._params.address, self._params.port
+                partial(app.admit, runner.server), self._params.address, self._params.port
             )
         except OSError:
             await runner.cleanup()

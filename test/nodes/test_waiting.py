@@ -140,12 +140,13 @@ def test_elements_without_a_name_mean_their_first(make_bench: Callable[..., Any]
 def test_instruments_are_heard_whatever_they_publish_with_and_own_streams_are_reliable(
     make_bench: Callable[..., Any], tmp_path: Any, simulated: bool
 ) -> None:
-    read_station("rotator_2m").write(tmp_path / "windy.yaml", {"wind.anemometer": True})
+    read_station("rotator_2m").write(tmp_path / "w.yaml", {"wind.anemometer": True, "base.coast_s": 1.0})
+    own = {"station": str(tmp_path / "w.yaml")}
     heard = {}
     for kind, more in {
         **{each: {} for each in WAITS if each not in (AlarmNode, OperatorPage, StationExecutive)},
-        AntennaServo: {"station": str(tmp_path / "windy.yaml"), "drive.type": "simulated_rotator"},
-        EphemerisPublisher: {"source.refraction": "measured", "source.antenna.half_power_beamwidth_deg": 60.0},
+        AntennaServo: own | {"drive.type": "simulated_rotator"},
+        EphemerisPublisher: own | {"source.refraction": "measured", "source.antenna.half_power_beamwidth_deg": 60.0},
     }.items():
         bench = make_bench(kind, **OWN.get(kind, {}) | more | {"use_sim_time": simulated})
         assert bench.step("configure"), bench.health("state").message
