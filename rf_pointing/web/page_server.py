@@ -358,12 +358,8 @@ class PageApp:
         path = await asyncio.to_thread(self._inside, request.match_info["path"])
         if path is None:
             raise web.HTTPNotFound(text="no such report")
-        headers = {
-            "Content-Type": REPORT_TYPES[path.suffix],
-            **HEADERS,
-            "Content-Security-Policy": OF_REPORTS,
-        }
-        return web.FileResponse(path, headers=headers)
+        own = {"Content-Type": REPORT_TYPES[path.suffix], "Content-Security-Policy": OF_REPORTS}
+        return web.FileResponse(path, headers=HEADERS | own)
 
     def _inside(self, wanted: str) -> Path | None:
         """Return the file of a report that lies in the folder, links followed, else None."""
@@ -401,11 +397,8 @@ class PageApp:
 
 
 PAGE_TYPES = {
-    ".html": "text/html",
-    ".css": "text/css",
-    ".js": "text/javascript",
-    ".svg": "image/svg+xml",
-}
+    ".html": "text/html", ".css": "text/css", ".js": "text/javascript", ".svg": "image/svg+xml",
+}  # fmt: skip
 
 
 class PageServer:

@@ -361,12 +361,8 @@ def test_half_open_requests_give_way_and_are_closed_in_time(monkeypatch: pytest.
             )  # fmt: skip
             # A body that never comes, and heads that never end.
             reader, writer = opened[-1]
-            head = (
-                "host\r\nAuthorization: Bearer "
-                + TOKEN
-                + "\r\nContent-Type: application/json\r\nContent-Length: 9\r\n\r\n"
-            )
-            writer.write(head.encode())
+            head = f"host\r\nAuthorization: Bearer {TOKEN}\r\nContent-Type: application/json\r\n"
+            writer.write(f"{head}Content-Length: 9\r\n\r\n".encode())
             assert b"408" in (await asyncio.wait_for(reader.read(), 5.0)).split(b"\r\n")[0]
             for reader, _ in opened[:-1]:
                 # One that was closed before its head was read is reset.
