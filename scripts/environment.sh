@@ -78,9 +78,11 @@ shrink_environment() {
 }
 
 # Never under running nodes: what they import later would be of another version, or gone.
-replace_wheel_environment() {
-  flock -n -x 8 || { echo "$STATE/env must be made anew, and processes run from it: end them first"; return 1; }
-  make_wheel_environment && flock -s 8
+with_nothing_running() {
+  flock -n -x 8 || { echo "part of $STATE must be made anew, and processes run from it: end them first"; return 1; }
+  # An end half-way leaves neither the old nor the new.
+  rm -f "$stamp"
+  "$@" && flock -s 8
 }
 
 # The Python that the environment was made with decides, not the one that is first on PATH now.
@@ -148,7 +150,7 @@ enter_wheels_environment() {
   [ -x "$STATE/env/bin/python" ] ||
     need "python3 -c 'import ensurepip, venv, sys; assert (3, 11) <= sys.version_info < (3, 15)'" python3 python3-venv
   once wheels "$(digest "$ROOT"/requirements/{ros,numeric,runtime,lock}.txt <(environment_python))" \
-    "building the Python environment from pinned wheels (420 MB, about a minute, once)" replace_wheel_environment
+    "building the Python environment from pinned wheels (420 MB, about a minute, once)" with_nothing_running make_wheel_environment
   export VIRTUAL_ENV=$STATE/env PATH=$STATE/env/bin:$PATH
   # Setting these here spares every process the bootstrap that would start Python a second time to set them.
   LD_LIBRARY_PATH=$(printf '%s:' "$STATE"/env/lib "$STATE"/env/lib/python3.*/site-packages/ros_*.libs)${LD_LIBRARY_PATH:-}
@@ -192,7 +194,7 @@ enter_environment() {
   fi
   enter_${how}_environment
   [ "${1:-}" != tests ] || add_test_libraries
-  once interfaces "$interfaces" "building the interfaces (a minute, once)" build_interfaces
+  once interfaces "$interfaces" "building the interfaces (a minute, once)" with_nothing_running build_interfaces
   once workspace "$how $(digest <(echo "$sources") "$ROOT"/setup.* "$ROOT/package.xml" "$STATE/interfaces")" \
     "building rf_pointing" build_workspace
   set +u

@@ -22,6 +22,7 @@ make_wheel_environment() {
 install_wheels() { echo "$@" >> "$STATE/added"; }
 build_interfaces() {
   mkdir -p "$STATE/install"
+  ! grep -q broken "$ROOT/msg_defs/one.txt" || return 1
   touch "$STATE/install/local_setup.bash"
   echo built >> "$STATE/interfaces-built"
 }
@@ -47,8 +48,8 @@ def enter(root: Path, then: str = ":") -> subprocess.CompletedProcess[str]:
     return subprocess.run(["bash", "-c", script], capture_output=True, text=True, timeout=60)
 
 
-def times_made(root: Path) -> int:
-    return (root / ".ros/made").read_text().count("made")
+def times_made(root: Path, what: str = "made") -> int:
+    return len((root / ".ros" / what).read_text().splitlines())
 
 
 def test_environment_is_made_once_and_whatever_python_comes_first_on_the_path(root: Path) -> None:
@@ -81,6 +82,11 @@ def test_interfaces_are_built_again_only_if_one_changed(root: Path) -> None:
     (root / "msg_defs/one.txt").write_text("float64 angle\n")
     enter(root)
     assert built.read_text().count("built") == 2
+    # What a build that failed has begun to replace is made again.
+    for text, count in (("broken", 2), ("float64 angle\n", 3)):
+        (root / "msg_defs/one.txt").write_text(text)
+        enter(root)
+        assert built.read_text().count("built") == count
 
 
 def test_compiled_files_are_kept_in_the_state_where_they_may_not_be_beside_the_sources(root: Path) -> None:
@@ -89,7 +95,10 @@ def test_compiled_files_are_kept_in_the_state_where_they_may_not_be_beside_the_s
     assert there.stdout == f"False {root / '.ros/bytecode'}\n"
 
 
-def test_environment_in_use_is_not_replaced(root: Path) -> None:
+@pytest.mark.parametrize(
+    ("changed", "made"), [("requirements/runtime.txt", "made"), ("msg_defs/one.txt", "interfaces-built")]
+)
+def test_what_is_in_use_is_not_replaced(root: Path, changed: str, made: str) -> None:
     enter(root)
     # As scripts/run does: the process replaces the shell and keeps its lock.
     running = subprocess.Popen(
@@ -99,16 +108,16 @@ def test_environment_in_use_is_not_replaced(root: Path) -> None:
     try:
         assert running.stdout is not None
         assert running.stdout.readline() == b"in\n"
-        (root / "requirements/runtime.txt").write_text("numpy==2.0\n")
+        (root / changed).write_text("numpy==2.0\n")
         refused = enter(root)
         assert refused.returncode == 1
         assert "processes run from it: end them first" in refused.stderr
-        assert times_made(root) == 1
+        assert times_made(root, made) == 1
     finally:
         running.kill()
         running.communicate()
     assert enter(root).returncode == 0
-    assert times_made(root) == 2
+    assert times_made(root, made) == 2
 
 
 def test_pip_brings_every_library_of_the_core_in_the_version_that_is_tested() -> None:
