@@ -1,4 +1,4 @@
-"""Sun, Moon and radio sources as targets, for calibration and for keeping the beam off the Sun.
+"""Sun, Moon, radio sources and fixed points as targets, for calibration and to keep off the Sun.
 
 Sun: SOFA epv00 (VSOP2000, better than 0.01 arcsec).  Moon: SOFA moon98 (Meeus, 10 arcsec in
 longitude, 3 mdeg).  Both are true positions; the track applies light time, which to first order in
@@ -20,6 +20,7 @@ import numpy as np
 from rf_pointing.core import DAY_S, SPEED_OF_LIGHT_M_S, require_between, require_choice
 from rf_pointing.ephemeris.celestial_frame import EARTH_RATE_RAD_S, earth_fixed_from_gcrs, tt_parts
 from rf_pointing.ephemeris.earth_orientation import IersEarthOrientation
+from rf_pointing.ephemeris.sites import Site
 from rf_pointing.ephemeris.state_vector import OFFSETS, StateVector, Vector, motion_from_positions
 
 _AU_M = 149597870700.0
@@ -29,7 +30,7 @@ _LIGHT_YEAR_M = 9.4607304725808e15
 _STEP_S = 600.0
 J2000_S = 946727935.816
 JULIAN_YEAR_S = 365.25 * DAY_S
-OWN_PLACE = "radec"
+OWN_PLACE, OWN_POINT = "radec", "azel"
 _OBLIQUITY_RAD = math.radians(23.4393)
 
 
@@ -173,16 +174,55 @@ def own_place(text: str) -> RadioSource:
 
     ValueError for another number of words, and for one that is not a number or outside its range.
     """
+    values = _numbers(text, f"{OWN_PLACE} RA DEC [EAST NORTH EPOCH] in deg, mas/year, year", (2, 5))
+    right, up, east, north, epoch = [*values, 0.0, 0.0, 2000.0][:5]
+    mas = math.radians(1.0 / 3.6e6)
+    return RadioSource(text, math.radians(right), math.radians(up), east * mas, north * mas, epoch)
+
+
+class FixedPoint:
+    """The true direction `azel AZ EL` in deg: a beacon on a mast, or the empty sky.
+
+    A `TargetSource` in Earth-fixed axes that do not turn; `seen_from` a site it is above that
+    site's horizon, and refraction lifts it.  ValueError as for `own_place`.
+    """
+
+    rotation_rate_rad_s, at_infinity, orientation = 0.0, True, None
+    spans_t_s = ((-math.inf, math.inf),)
+
+    def __init__(self, text: str) -> None:
+        azimuth, elevation = map(math.radians, _numbers(text, f"{OWN_POINT} AZ EL in deg", (2,)))
+        require_between("azimuth_rad", azimuth, -2.0 * math.pi, 2.0 * math.pi)
+        require_between("elevation_rad", elevation, -0.5 * math.pi, 0.5 * math.pi)
+        self.name = text
+        self._position = erfa.s2c(0.5 * math.pi - azimuth, elevation) * _LIGHT_YEAR_M
+
+    def seen_from(self, site: Site) -> "FixedPoint":
+        """Return the point of the sky over a site."""
+        point = FixedPoint(self.name)
+        point._position = self._position @ np.array(site.axes)
+        return point
+
+    def motion_at(self, t_s: Any, ahead_s: float = 0.0) -> StateVector:
+        """Return the place [m] at UTC times, and that it never moves."""
+        still = 0.0 * (t_s + ahead_s)
+        x, y, z = self._position.tolist()
+        return StateVector((still + x, still + y, still + z), *3 * ((still, still, still),))
+
+    def warnings(self, _t_s: float) -> tuple[str, ...]:
+        """Return nothing: the Earth's orientation does not matter."""
+        return ()
+
+
+def _numbers(text: str, form: str, counts: tuple[int, ...]) -> list[float]:
+    """Return the numbers after the first word of a target."""
     words = text.split()[1:]
-    if len(words) not in (2, 5):
-        form = f"{OWN_PLACE} RA DEC [EAST NORTH EPOCH]"
-        raise ValueError(f"satellite={text!r} must be {form} in deg, mas/year, year")
+    if len(words) not in counts:
+        raise ValueError(f"satellite={text!r} must be {form}")
     for word in words:
         if not re.fullmatch(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]{1,2})?", word):
             raise ValueError(f"satellite={text!r}: {word!r} must be a number")
-    right, up, east, north, epoch = [*map(float, words), 0.0, 0.0, 2000.0][:5]
-    mas = math.radians(1.0 / 3.6e6)
-    return RadioSource(text, math.radians(right), math.radians(up), east * mas, north * mas, epoch)
+    return [*map(float, words)]
 
 
 def _components(vectors: Any) -> Vector:

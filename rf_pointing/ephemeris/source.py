@@ -33,9 +33,15 @@ BODIES: dict[str, Callable[[], TargetSource]] = {
 
 
 def body_of(name: str) -> TargetSource | None:
-    """Return the body or place `radec ...` of a name, else None; ValueError if malformed."""
-    if name.casefold().split()[:1] == [celestial.OWN_PLACE]:
+    """Return the body, place `radec ...` or point `azel ...` of a name, else None.
+
+    ValueError if it is malformed.
+    """
+    word = "".join(name.casefold().split()[:1])
+    if word == celestial.OWN_PLACE:
         return celestial.own_place(name).target()
+    if word == celestial.OWN_POINT:
+        return celestial.FixedPoint(name)
     made = BODIES.get(name.casefold())
     return made() if made else None
 
@@ -51,8 +57,8 @@ class SourceParams(TargetOffsets):
     )
     satellite: str = parameter(
         "28057",
-        "catalogue number or name of the satellite in the file, or Sun, Moon, a planet, a radio source "
-        "or a place (radec RA DEC in deg); empty: the first one",
+        "catalogue number or name of the satellite in the file, or Sun, Moon, a planet, a radio source, "
+        "a place (radec RA DEC in deg) or a point (azel AZ EL in deg); empty: the first one",
     )
     site: Site = parameter(SITES["Goldstone DSS-13"], "where the antenna stands")
     interpolation: str = parameter(

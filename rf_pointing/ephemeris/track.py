@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from rf_pointing.core import DAY_S, Target, nearest_turn_rad, require_choice, require_finite
 from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
 from rf_pointing.core.refraction import RadioRefraction
+from rf_pointing.ephemeris.celestial import FixedPoint
 from rf_pointing.ephemeris.earth_orientation import IersEarthOrientation
 from rf_pointing.ephemeris.elements import Elements
 from rf_pointing.ephemeris.look_angles import SENSES, LookAngles, angles_and_rates, delayed
@@ -80,6 +81,8 @@ class TopocentricTrack:
             require_finite("hold_t_s", hold_t_s)
         if isinstance(target, Elements):
             target = Sgp4Orbit(target, orientation or IersEarthOrientation(), max_age_s=max_age_s)
+        elif isinstance(target, FixedPoint):
+            target = target.seen_from(site)
         self.target: TargetSource = target
         self.name, self._offsets_text = target.name, self.offsets.offsets_text
         self.site = site

@@ -415,6 +415,12 @@ class _Problem:
         """Refuse a scan whose samples contradict its model, by the name of the likely cause."""
         params, taken, width = self.params, self.samples.kept(used), float(values[WIDTH])
         snr = float(values[LEVEL] / math.sqrt(covariance[LEVEL, LEVEL]))
+        if params.carrier:
+            # Noise has a power, too, where no carrier is: only what rises above a constant is seen.
+            flat = 1.0 / self.sigma(values)[used]
+            beam = taken.strength * self.gain(values, taken) * flat
+            beam -= flat * float(beam @ flat) / float(flat @ flat)
+            snr = float(beam @ (taken.power * flat)) / math.sqrt(float(beam @ beam) + 1e-300)
         if not snr >= params.least_snr:
             raise ValueError(
                 f"no source was seen: its level is {snr:.1f} sigma, must be >= {params.least_snr:g}"

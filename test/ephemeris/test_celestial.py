@@ -21,6 +21,8 @@ from rf_pointing.ephemeris import (
     sun,
 )
 from rf_pointing.ephemeris.celestial import PLANETS, CelestialTarget, RadioSource, moon_phase_rad, own_place, planet
+from rf_pointing.ephemeris.sites import SITES
+from rf_pointing.ephemeris.source import SourceParams, body_of, load_track
 from rf_pointing.ephemeris.time_scales import POSIX_EPOCH_JD, TT_MINUS_TAI_S, utc_from_tai_s
 
 ASTROPY = json.loads((Path(__file__).parent / "data" / "astropy.json").read_text())
@@ -177,12 +179,23 @@ def test_a_place_of_ones_own_is_that_of_the_catalogue_and_moves_with_its_proper_
     assert apart_on("2026-11-26T18:00:00", own_place(star.replace("10362.394", "0")).target(), there.target()) > 0.07
 
 
+@pytest.mark.parametrize("own", SITES.values(), ids=SITES)
+def test_a_point_stands_over_every_site_and_refraction_lifts_it(own: Site) -> None:
+    track = load_track(SourceParams(satellite="azel 200 45", site=own))
+    looks = track.sample([0.0, 1.8e9])
+    true_rad, azimuth_rad = looks.true_elevation_rad, looks.azimuth_rad
+    assert np.degrees([azimuth_rad, true_rad]) == pytest.approx(np.array([[200.0] * 2, [45.0] * 2]))
+    assert (looks.elevation_rad > true_rad).all()
+    assert not looks.azimuth_rate_rad_s.any()
+
+
 @pytest.mark.parametrize(
-    ("text", "words"), [("radec 10", "must be radec RA DEC"), ("radec 10 north", "'north' must be")]
+    ("text", "words"),
+    [("radec 10", "must be radec RA DEC"), ("azel 10 north", "'north' must be"), ("azel 1 91", "elevation_rad")],
 )
 def test_a_place_that_cannot_be_read_is_refused(text: str, words: str) -> None:
     with pytest.raises(ValueError, match=words):
-        own_place(text)
+        body_of(text)
 
 
 def test_the_phase_of_the_moon_is_zero_in_a_lunar_eclipse_and_half_a_turn_in_one_of_the_sun() -> None:

@@ -138,6 +138,14 @@ def test_wrong_time_tags_are_refused_with_the_time(late_s: float, word: str, ran
         fit_scan(late(scan_of(random), late_s), KNOWN)
 
 
+def test_the_power_of_noise_is_no_carrier(random: np.random.Generator) -> None:
+    empty = scan_of(random)
+    for _ in range(20):
+        power = random.exponential(size=len(empty.t_s))
+        with pytest.raises(ValueError, match="no source was seen|had to be edited"):
+            fit_scan(empty._replace(power=power, sigma=np.sqrt(1.0 + 2.0 * power)), KNOWN.replace(carrier=True))
+
+
 def test_rain_is_refused(random: np.random.Generator) -> None:
     taken = scan_of(random)
     cloud = 15.0 * np.exp(-(((taken.t_s - 60.0) / 25.0) ** 2))

@@ -6,8 +6,8 @@
 
 Offsets are those of the axes, under their names (`x_offset_deg` of an X-Y mount): azimuth is not
 multiplied by cos(elevation).  They count from the prediction without a model.  A target is a name
-or number among the elements, Sun, Moon, a radio source, a planet or `radec RA DEC`.  A fifth column
-`sigma_deg` may say how well the middle of the beam was found on the sky.
+or number among the elements, Sun, Moon, a radio source, a planet, `radec RA DEC` or `azel AZ EL`.
+A fifth column `sigma_deg` may say how well the middle of the beam was found on the sky.
 """
 
 import csv
