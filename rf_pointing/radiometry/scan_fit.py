@@ -158,6 +158,7 @@ def fit_scan(samples: Samples, params: ScanFitParams) -> ScanFit:
         values, covariance, residual, shape = problem.solve(values, used)
     share = 1.0 - float(np.mean(used))
     if share > params.most_edited:
+        problem.require_seen(values, covariance, np.ones_like(used))
         words = ", ".join(f"{count} by {reason}" for reason, count in edited.items())
         raise ValueError(
             f"{share:.0%} of the powers had to be edited ({words}), must be <= "
@@ -180,10 +181,8 @@ class _Problem:
         count = len(samples.t_s)
         if count < FEWEST:
             raise ValueError(f"{count} powers are too few for a fit, must be >= {FEWEST}")
-        if (
-            not all(np.isfinite(column).all() for column in samples)
-            or not (samples.sigma > 0.0).all()
-        ):
+        finite = all(np.isfinite(column).all() for column in samples)
+        if not finite or not (samples.sigma > 0.0).all():
             raise ValueError("powers, sigmas and beam positions must be finite, sigmas > 0")
         self.samples, self.params = samples, params
         self._response = DiscResponse(params.beam)
@@ -270,9 +269,7 @@ class _Problem:
                 fitted, *_ = np.linalg.lstsq(columns, power, rcond=None)
                 found[LEVEL : LEVEL + len(fitted)] = fitted
         if not best:
-            raise ValueError(
-                "no source was seen: nowhere in the scan does the power rise like the beam"
-            )
+            raise ValueError("no source was seen: the power rises nowhere like the beam")
         return found
 
     def solve(self, start: Array, used: NDArray[np.bool_]) -> tuple[Array, Array, Array, str]:
@@ -384,9 +381,8 @@ class _Problem:
         best: tuple[float, Array] = (8.0, centre)
         trial = values.copy()
         # At most 200 of the places that the beam was at.
-        for place in (
-            np.unique(np.round(offsets[away] / (0.35 * width)), axis=0)[:200] * 0.35 * width
-        ):
+        step = 0.35 * width
+        for place in step * np.unique(np.round(offsets[away] / step), axis=0)[:200]:
             trial[X], trial[Y] = place
             shape = values[LEVEL] * self.gain(trial) / sigma
             near = used & (np.hypot(*(offsets - place).T) < width)
@@ -397,34 +393,33 @@ class _Problem:
             level = float(np.sum((shape * residual)[near])) / power
             robust = float(np.median((residual / np.maximum(shape, 1e-12))[near]))
             snr = level * math.sqrt(power)
-            if (
-                level > 0.02
-                and robust > 0.5 * level
-                and snr > best[0]
-                and np.hypot(*(place - centre)) > reach
-            ):
+            strong = level > 0.02 and robust > 0.5 * level and snr > best[0]
+            if strong and np.hypot(*(place - centre)) > reach:
                 best = snr, place
         if best[1] is centre:
             return None
         x, y = best[1].tolist()
         return (x, y), np.asarray(np.hypot(*(offsets - best[1]).T) < width)
 
+    def require_seen(self, values: Array, covariance: Array, used: NDArray[np.bool_]) -> None:
+        """Raise ValueError where nothing in the scan rises like the beam."""
+        snr = float(values[LEVEL] / math.sqrt(covariance[LEVEL, LEVEL]))
+        if self.params.carrier:
+            # Noise has a power, too, where no carrier is: only what rises above a constant is seen.
+            taken, flat = self.samples.kept(used), 1.0 / self.sigma(values)[used]
+            beam = taken.strength * self.gain(values, taken) * flat
+            beam -= flat * float(beam @ flat) / float(flat @ flat)
+            snr = float(beam @ (taken.power * flat)) / math.sqrt(float(beam @ beam) + 1e-300)
+        if not snr >= (least := self.params.least_snr):
+            words = f"its level is {snr:.1f} sigma, must be >= {least:g}"
+            raise ValueError(f"no source was seen: {words}")
+
     def judge(
         self, values: Array, covariance: Array, residual: Array, used: NDArray[np.bool_]
     ) -> None:
         """Refuse a scan whose samples contradict its model, by the name of the likely cause."""
         params, taken, width = self.params, self.samples.kept(used), float(values[WIDTH])
-        snr = float(values[LEVEL] / math.sqrt(covariance[LEVEL, LEVEL]))
-        if params.carrier:
-            # Noise has a power, too, where no carrier is: only what rises above a constant is seen.
-            flat = 1.0 / self.sigma(values)[used]
-            beam = taken.strength * self.gain(values, taken) * flat
-            beam -= flat * float(beam @ flat) / float(flat @ flat)
-            snr = float(beam @ (taken.power * flat)) / math.sqrt(float(beam @ beam) + 1e-300)
-        if not snr >= params.least_snr:
-            raise ValueError(
-                f"no source was seen: its level is {snr:.1f} sigma, must be >= {params.least_snr:g}"
-            )
+        self.require_seen(values, covariance, used)
         if not NARROWEST <= width / self._beamwidth <= WIDEST:
             raise ValueError(
                 f"the beam is {math.degrees(width):.3f} deg wide, must be {NARROWEST:g} to "

@@ -142,7 +142,7 @@ def test_the_power_of_noise_is_no_carrier(random: np.random.Generator) -> None:
     empty = scan_of(random)
     for _ in range(20):
         power = random.exponential(size=len(empty.t_s))
-        with pytest.raises(ValueError, match="no source was seen|had to be edited"):
+        with pytest.raises(ValueError, match="no source was seen"):
             fit_scan(empty._replace(power=power, sigma=np.sqrt(1.0 + 2.0 * power)), KNOWN.replace(carrier=True))
 
 
