@@ -30,7 +30,7 @@ class Target:
     Attributes
     ----------
     location : file, folder or http(s) address; "" for the verification set of sgp4.
-    satellite : catalogue number or name in it, or Sun, Moon or a radio source.
+    satellite : catalogue number or name in it, or Sun, Moon, a radio source, `radec` or `azel`.
     interpolation, interpolation_degree : for an OEM that declares none.
     priority, min_peak_deg, band : of its passes in a plan; larger priorities first.
     contact_minutes : in a plan of a network, the contact that it is owed every 24 h.
@@ -139,7 +139,7 @@ def elements(
     ----------
     where : TLE, OMM (JSON, XML, CSV, KVN) or OEM: file, folder or address, which is requested at
         most every 2 h.  Any other text is a name or number in the verification set of sgp4, or
-        Sun, Moon or a radio source.
+        Sun, Moon, a planet, a radio source, `radec RA DEC` or `azel AZ EL` (true, in deg).
     satellite : its name or catalogue number there; by default the first one.
     priority, min_peak_deg, band : of its passes in a plan; larger priorities win.
     contact_minutes : in `plan_network`, the contact owed every 24 h.
