@@ -612,7 +612,8 @@ def spoilt_pass(station: Attacked, **shares: float) -> Measured:
         station.restarts, ended = False, ended + station.restarted
     # A node that has gone deaf ends by itself, or is ended where it hangs in DDS; nothing else may.
     hung = [name for name in station.nodes if "Timeout (0:" in station.processes.log(name).read_text(errors="replace")]
-    dead = [each for each in ended if f"ended with {DEAF}" not in each and each.split()[0] not in hung]
+    by_itself = f"ended with {DEAF}", f"ended with {-signal.SIGPROF}"
+    dead = [each for each in ended if not any(map(each.count, by_itself)) and each.split()[0] not in hung]
     return Measured(math.inf if dead else off, "s off the satellite", "; ".join([f"{sent} of noise", *ended]))
 
 

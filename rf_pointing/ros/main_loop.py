@@ -48,6 +48,8 @@ STUCK_S = 8.0
 LOOK_S = 1.0
 COMPUTED_S = 2.0
 """Longest time for which a thread of DDS computes without any wait."""
+LOCKED_S = 4.0
+"""Longest computing in one call that holds Python's lock, beside all processors for `LOOK_S`."""
 START_OR_END_S = 60.0
 """Longest making of the nodes of a process, and its longest end with the stop of what it moves."""
 DEAF = 3
@@ -317,6 +319,8 @@ class HangWatch:
         self._arm(min(START_OR_END_S, self._patience_s))
         # Damaged datagrams have left a wait for events in DDS for good, without Python's lock.
         given = loop, threading.get_ident()
+        # And with that lock, so that no thread of Python can see it.
+        faulthandler.register(signal.SIGPROF, sys.__stderr__, chain=True)
         threading.Thread(target=self._watch, args=given, daemon=True).start()
 
     def come_round(self) -> str:
@@ -330,6 +334,8 @@ class HangWatch:
         looks, rounds, waited = 0, 0, dict[str, tuple[str, int]]()
         # Looks are counted, not time: a process that was stopped has not looked either.
         while looks * LOOK_S < STUCK_S:
+            if sys.gettrace() is None:
+                signal.setitimer(signal.ITIMER_PROF, LOCKED_S + LOOK_S * (os.cpu_count() or 1))
             time.sleep(LOOK_S)
             self._hung = self._hung or hung_thread(waited)
             frame = sys._current_frames().get(thread)

@@ -309,6 +309,18 @@ def test_a_process_that_hangs_ends_and_says_where_and_one_that_comes_round_does_
     assert 'File "<string>", line 8 in <module>' in ended.stderr
 
 
+def test_a_call_that_computes_with_the_lock_of_all_threads_ends_the_process_and_one_without_does_not() -> None:
+    code = (
+        "import hashlib, re, time\nfrom rf_pointing.ros import main_loop\nmain_loop.LOCKED_S, main_loop.LOOK_S = 0.5, 0.05\n"
+        "watch = main_loop.HangWatch()\nwatch.begin(watch.begin.__code__)\n"
+        "while time.process_time() < 3.0:\n    hashlib.pbkdf2_hmac('sha256', b'', b'', 10**6)\n"
+        "print('computed', flush=True)\nre.match(r'(a+)+$', 'a' * 50 + 'b')\n"
+    )
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60.0)
+    assert (ended.returncode, ended.stdout) == (-signal.SIGPROF, "computed\n")
+    assert 'File "<string>", line 9 in <module>' in ended.stderr
+
+
 def test_a_write_that_hangs_ends_the_process_sooner() -> None:
     code = (
         "import time\nfrom rf_pointing.ros import main_loop\nmain_loop.WRITTEN_S = 0.5\n"
