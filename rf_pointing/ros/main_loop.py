@@ -11,6 +11,7 @@ import gc
 import math
 import os
 import re
+import select
 import signal
 import sys
 import tempfile
@@ -49,7 +50,7 @@ LOOK_S = 1.0
 COMPUTED_S = 2.0
 """Longest time for which a thread of DDS computes without any wait."""
 LOCKED_S = 4.0
-"""Longest computing in one call that holds Python's lock, beside all processors for `LOOK_S`."""
+"""Longest computing in one call with Python's lock held, on top of all processors for `LOOK_S`."""
 START_OR_END_S = 60.0
 """Longest making of the nodes of a process, and its longest end with the stop of what it moves."""
 DEAF = 3
@@ -305,8 +306,6 @@ class HangWatch:
     The launch files start it again: a node that is alive and does nothing would never be.
     """
 
-    # Not a thread of Python: what hangs may hold the lock of all threads.
-
     def __init__(self, patience_s: float = HUNG_S) -> None:
         self._patience_s, self._armed_s, self._rounds, self._hung = patience_s, -math.inf, 0, ""
 
@@ -317,10 +316,9 @@ class HangWatch:
         node, whose work may be long.
         """
         self._arm(min(START_OR_END_S, self._patience_s))
-        # Damaged datagrams have left a wait for events in DDS for good, without Python's lock.
-        given = loop, threading.get_ident()
-        # And with that lock, so that no thread of Python can see it.
+        # Damaged datagrams have left a wait in DDS for good, also with Python's lock.
         faulthandler.register(signal.SIGPROF, sys.__stderr__, chain=True)
+        given = loop, threading.get_ident()
         threading.Thread(target=self._watch, args=given, daemon=True).start()
 
     def come_round(self) -> str:
@@ -336,7 +334,8 @@ class HangWatch:
         while looks * LOOK_S < STUCK_S:
             if sys.gettrace() is None:
                 signal.setitimer(signal.ITIMER_PROF, LOCKED_S + LOOK_S * (os.cpu_count() or 1))
-            time.sleep(LOOK_S)
+            # Not `time.sleep`: it fails where the clock of one process is shifted.
+            select.select((), (), (), LOOK_S)
             self._hung = self._hung or hung_thread(waited)
             frame = sys._current_frames().get(thread)
             in_loop = frame is not None and frame.f_code is loop and sys.gettrace() is None
