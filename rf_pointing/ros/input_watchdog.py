@@ -9,7 +9,9 @@ antenna publishes /diagnostics once a second of wall time, so a node is deaf if
                                       publisher has just reported on /diagnostics that it is active,
                                       and not that it is silent and why
     its own periodic work             is not done for as long and two periods
-    a neighbour with its input        is silent for 10 s in which most of the others receive it
+    a neighbour with its input        is silent for 10 s, and most of the others receive it in the
+                                      last 5 s of them; for 15 s where fewer do, or where it is
+                                      not even in the graph
     most neighbours                   have not received this node for 10 s: it is mute; or one of
                                       them, whose topics it needs, and which needs none of its own
     a name in the graph               has been damaged for 5 s, and could be read before
@@ -23,6 +25,7 @@ import math
 import re
 import struct
 import time
+from collections import Counter
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
@@ -40,9 +43,9 @@ SILENCE_S = 25.0
 """Silence of a neighbour; more than the lease after which a dead participant leaves the graph."""
 INPUT_SILENCE_S = 5.0
 RECENT_S = 3.0
-RECEIVED_S, PROVED_S = 5.0, 10.0
-"""A neighbour counts as received for so long after its last message; what others have received all
-the time for longer, and this node has not, is lost here."""
+RECEIVED_S, PROVED_S, BY_FEW_S = 5.0, 5.0, 10.0
+"""A neighbour counts as received for so long after its last message; what most others have received
+all the time for longer, and this node has not, is lost here; or one other, for longer still."""
 FEWEST = 2
 SHARED_S = 0.9  # Nodes of a process look at the graph together: among many antennas a look is long.
 _shared = WeakKeyDictionary[Any, tuple[float, set[str]]]()
@@ -205,14 +208,19 @@ class InputWatchdog:
         """Compare with whom the neighbours receive, and note how long the graph cannot be read."""
         recent = [one for one in self._neighbours.values() if now_s - one.heard_s < RECENT_S]
         others = [one.received for one in recent if one.received is not None]
-        lost = {
-            name for name, one in self._neighbours.items()
-            if now_s - one.taken_s > RECEIVED_S and 2 * sum(name in names for names in others) > len(others)
-        }  # fmt: skip
+        before_s, known = now_s - RECEIVED_S, self._neighbours
+        silent = {name for name, one in known.items() if one.taken_s < before_s}
+        # What others receive may be missing even in the graph that this node sees.
+        space = f"{self._node.get_namespace().rstrip('/')}/"
+        of_others = frozenset().union(*others) - {self._own, *known}
+        silent |= {name for name in of_others if name.startswith(space)}
+        takers = Counter(name for names in others for name in names if name in silent)
         # Counted while others receive it: one that was killed is found again by each in its time.
-        self._lost_s = {name: self._lost_s.get(name, 0.0) + passed_s for name in lost}
+        self._lost_s = {name: self._lost_s.get(name, 0.0) + passed_s for name in takers}
         for name, long_s in self._lost_s.items():
-            if long_s > PROVED_S and self._passes(name, self._own):
+            proved_s = PROVED_S if name in known and 2 * takers[name] > len(others) else BY_FEW_S
+            if long_s > proved_s and (name not in known or self._passes(name, self._own)):
+                long_s += RECEIVED_S
                 self._end(f"nothing has been received from {name} for {long_s:.0f} s, which others receive")
         # A node looks only at those below its own namespace: others never name this one.
         silent_to = {
@@ -225,7 +233,8 @@ class InputWatchdog:
         passes = self._passes
         in_vain = [name for name in mute if passes(name, self._own) and not passes(self._own, name)]
         if len(others) >= FEWEST and (2 * len(mute) > len(others) or in_vain):
-            self._end(f"{', '.join(mute)} has not received this node for {PROVED_S:.0f} s")
+            long_s = RECEIVED_S + PROVED_S
+            self._end(f"{', '.join(mute)} has not received this node for {long_s:.0f} s")
         # A stranger may have a name that never could be read: a new start would not help.
         damaged = TOPIC in self._node.damaged_topics
         self._readable |= not damaged

@@ -152,9 +152,11 @@ ALL_BUT = {each: "".join(f"{name} " for name in (OWN, *OTHERS) if name != each) 
 @pytest.mark.parametrize(
     ("says", "received", "deaf"),
     [
-        # The servo is silent here, and the others receive it, or one of two, or none does.
+        # The servo is silent here, and the others receive it, or one of two, or one that does not say so, or none.
         ([RECEIVER, CALIBRATOR], ALL_BUT, f"nothing has been received from {SERVO} for 11 s, which others receive"),
-        ([RECEIVER, CALIBRATOR], ALL_BUT | {RECEIVER: f"{OWN} "}, ""),
+        ([RECEIVER, CALIBRATOR], ALL_BUT | {RECEIVER: f"{OWN} "},
+         f"nothing has been received from {SERVO} for 16 s, which others receive"),
+        ([RECEIVER], {CALIBRATOR: f"{OWN} {SERVO} ", RECEIVER: f"{OWN} "}, ""),
         ([RECEIVER, CALIBRATOR], dict.fromkeys(OTHERS, f"{OWN} "), ""),
         # Nothing is needed of one that is silent here.
         ([SERVO, RECEIVER], ALL_BUT, ""),
@@ -190,9 +192,21 @@ def test_a_neighbour_that_was_killed_may_be_found_later_here_than_by_others() ->
     graph.run(5, received=ALL_BUT)
     # For as long as it is in the graph after its death, and until the new process is received.
     graph.run(20, says=[RECEIVER, CALIBRATOR], received=without)
-    graph.run(9, received=ALL_BUT)
+    graph.run(5, received=ALL_BUT)
     graph.run(5, says=list(OTHERS))
     assert graph.watchdog.deaf == ""
+
+
+def test_a_neighbour_that_only_others_have_in_their_graph_is_lost_here() -> None:
+    graph = Graph()
+    graph.run(5, received=ALL_BUT)
+    # One that ends is in the lists of the others for some seconds.
+    here = {"present": {TOPIC: [OWN, RECEIVER, CALIBRATOR]}, "says": [RECEIVER, CALIBRATOR]}
+    graph.run(9, **here)
+    graph.run(5, received=dict.fromkeys(OTHERS, f"{OWN} {RECEIVER} {CALIBRATOR} "))
+    assert graph.watchdog.deaf == ""
+    graph.run(11, received=ALL_BUT)
+    assert graph.watchdog.deaf.startswith(f"nothing has been received from {SERVO} for 16 s")
 
 
 def test_what_a_node_receives_is_what_its_neighbours_read() -> None:
