@@ -220,6 +220,9 @@ class Attacked(Station):
             if not self.tracking.target and time.monotonic() - self.tracking_s < 1.0:
                 # A client whose goal has ended, or has no answer, sends it again.
                 with suppress(TimeoutError):
+                    # As the executive does by its recovery table.
+                    if self.restarts and self.antenna.fault:
+                        self.call("antenna_servo/reset_fault")
                     self.goal(name, AGAIN_S)
             on = self.now_off_deg(name) < ON_SOURCE_DEG
             since_s = min(since_s, time.monotonic()) if on else math.inf
