@@ -228,10 +228,19 @@ class _Table:
 class PassAdvice:
     """One pass worth tracking: sigma (k,) of all terms after it, mean factor on the chosen ones."""
 
-    name: str
-    start_t_s: float
+    candidate: CandidatePass
     sigma: Array
     factor: float
+
+    @property
+    def name(self) -> str:
+        """Name of the satellite."""
+        return self.candidate.name
+
+    @property
+    def start_t_s(self) -> float:
+        """Time of the first point."""
+        return self.candidate.start_t_s
 
 
 def uninformed_covariance(terms: Sequence[str]) -> Array:
@@ -263,11 +272,7 @@ def next_best_passes(
         # Given this one: two good passes of one sky add less than each alone.
         present = after[best]
         left = [k for k in left if k != best and reach.allows(candidates[k], candidates[best])]
-        advice.append(
-            PassAdvice(
-                candidates[best].name, candidates[best].start_t_s, np.sqrt(np.diag(present)), factor
-            )
-        )
+        advice.append(PassAdvice(candidates[best], np.sqrt(np.diag(present)), factor))
     return advice
 
 

@@ -1,14 +1,21 @@
 """Executable `plan_calibration`: the campaign that fills the sky, or the passes that help most.
 
 Without --improve it prints the campaign.  With --improve TERM... it prints the passes that reduce
-the sigma of these terms most, given the covariance of --model.  Exit code 0: planned, every sector
-filled; 1: planned, sectors stay thin; 2: refused.
+the sigma of these terms most, given the covariance of --model.  With --scan TARGET... these bodies
+and satellites are scanned, and what helps most is planned of scans and passes together:
+
+    plan_calibration --station my_dish.yaml --start 2026-06-21T18:00:00 --hours 10 --count 25 \
+        --scan Sun Moon "Cassiopeia A" --schedule night.csv
+    station queue night.csv --start
+
+Exit code 0: planned, every sector filled; 1: planned, sectors stay thin; 2: refused.
 """
 
 import argparse
 import math
 import sys
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -16,18 +23,24 @@ from typing import Any
 import numpy as np
 
 from rf_pointing import calibration
+from rf_pointing.api.scan import SETTLING_S, ScanRequest
 from rf_pointing.api.station import Station
 from rf_pointing.api.target import Target
 from rf_pointing.calibration import CandidatePass, PassPriors, SectorRule, Slew
 from rf_pointing.calibration.terms import names_of
 from rf_pointing.commands.options import add_options, command, ending_with_reason, requested, say, say_of_elements
 from rf_pointing.core import MDEG, require_between, utc_text
-from rf_pointing.ephemeris import read_source, verification_elements
+from rf_pointing.ephemeris import TargetSource, read_source, verification_elements
+from rf_pointing.operations.pass_list import to_csv, to_json
+from rf_pointing.operations.schedule import ScheduledPass
 from rf_pointing.station.campaign.plan import ArcRules, beacons, candidate_arcs
+from rf_pointing.tracking.scan_program import PATTERNS, ScanProgram
 
 PROGRAM = "plan_calibration"
 HOUR_S = 3600.0
 MAX_AGE_S = 14.0 * 86400.0
+SCAN_BEAMS, SCAN_EVERY_S = 0.02, 600.0
+"""Accuracy of a scan that a plan counts on, in beamwidths, and time between possible starts."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,10 +59,40 @@ class CampaignRequest:
     model: Path | None
     count: int
     orbit_prior_m: float
+    scan: tuple[str, ...] = ()
+    pattern: str = "cross"
+    schedule: Path | None = None
 
     def candidates(self) -> list[CandidatePass]:
-        """Return what could be tracked; ValueError where nothing could."""
+        """Return what could be tracked or scanned; ValueError where nothing could."""
         require_between("hours", self.hours, 0.01, 24.0 * 28.0)
+        scans = [one for name in self.scan for one in self._scans(replace(self.target, satellite=name))]
+        tracked = self._passes() if self.beacons or self.target.location or not self.scan else []
+        # What is scanned is not tracked.
+        names = {one.name for one in scans}
+        found = [*scans, *(one for one in tracked if one.name not in names)]
+        if not found:
+            raise ValueError(f"no target rises above {math.degrees(self.rules.lowest_rad):.0f} deg in {self.hours:g} h")
+        return found
+
+    def _scans(self, target: Target) -> list[CandidatePass]:
+        """Return the possible scans of a target: three points that weigh as one."""
+        request = ScanRequest(station=self.station, target=target, pattern=self.pattern)
+        length_s = ScanProgram(request.program(self.start_s)).duration_s + SETTLING_S
+        sigma_rad = SCAN_BEAMS * math.radians(self.station.beamwidth_deg) * math.sqrt(3.0)
+        # Points are at whole spacings from the rise.
+        every_s = 0.5 * length_s * math.ceil(SCAN_EVERY_S / (0.5 * length_s))
+        rules = replace(self.rules, arcs_s=(length_s,), every_s=every_s, spacing_s=0.5 * length_s, sigma_rad=sigma_rad)
+        return self._arcs([target.found], rules)
+
+    def _arcs(self, targets: Sequence[TargetSource], rules: ArcRules) -> list[CandidatePass]:
+        mount = self.station.controller.kinematics
+        found, refused = candidate_arcs(targets, self.station.site, self.start_s, self.hours * HOUR_S, rules, mount)
+        for reason in refused:
+            say(PROGRAM, f"left out: {reason}")
+        return found
+
+    def _passes(self) -> list[CandidatePass]:
         start_s, span_s = self.start_s, self.hours * HOUR_S
         if self.beacons:
             elements = beacons(start_s, self.station.site.latitude_rad)
@@ -62,13 +105,25 @@ class CampaignRequest:
         fresh = [one for one in elements if abs(start_s + 0.5 * span_s - one.epoch_t_s) < MAX_AGE_S - 0.5 * span_s]
         if not fresh:
             raise ValueError(f"none of {len(elements)} elements is within 14 days of start={utc_text(start_s)}")
-        mount = self.station.controller.kinematics
-        found, refused = candidate_arcs(fresh, self.station.site, start_s, span_s, self.rules, mount)
-        for reason in refused:
-            say(PROGRAM, f"left out: {reason}")
-        if not found:
-            raise ValueError(f"no target rises above {math.degrees(self.rules.lowest_rad):.0f} deg in {self.hours:g} h")
-        return found
+        return self._arcs(fresh, self.rules)
+
+    def write(self, chosen: Sequence[CandidatePass]) -> None:
+        """Write the plan as a schedule of the executive, where one is wanted."""
+        if self.schedule is None:
+            return
+        items = [self._item(one) for one in sorted(chosen, key=lambda one: one.start_t_s)]
+        text = to_csv(items) if self.schedule.suffix == ".csv" else to_json(items)
+        self.schedule.write_text(text, encoding="utf-8")
+
+    def _item(self, one: CandidatePass) -> ScheduledPass:
+        azimuth, elevation = one.track.sky_rad()
+        path = np.unwrap(azimuth)
+        return ScheduledPass(
+            target=one.name, name=one.name, aos_t_s=one.start_t_s, los_t_s=one.end_t_s,
+            scan=self.pattern if one.name in self.scan else "", peak_rad=float(np.max(elevation)),
+            azimuth_path_rad=(float(path[0]), float(np.min(path)), float(np.max(path)), float(path[-1])),
+            elevation_rad=(float(elevation[0]), float(elevation[-1])),
+        )  # fmt: skip
 
 
 def campaign(request: CampaignRequest, candidates: list[CandidatePass]) -> int:
@@ -78,6 +133,7 @@ def campaign(request: CampaignRequest, candidates: list[CandidatePass]) -> int:
     for one in plan.passes:
         peak = math.degrees(float(np.max(one.track.sky_rad()[1])))
         print(f"{utc_text(one.start_t_s)}  {one.end_t_s - one.start_t_s:6.0f} s  peak {peak:4.1f} deg  {one.name}")
+    request.write(plan.passes)
     filled = rule.count - len(plan.coverage.thin)
     print(f"{len(plan.passes)} of {len(candidates)} candidates fill {filled} of {rule.count} sectors")
     if plan.full_at_t_s is not None:
@@ -102,14 +158,16 @@ def advice(request: CampaignRequest, candidates: list[CandidatePass]) -> int:
         terms = tuple(dict.fromkeys((*own, *request.improve)))
         covariance = calibration.uninformed_covariance(terms)
     before = dict(zip(terms, np.sqrt(np.diag(covariance)), strict=True))
+    improve = request.improve or list(terms)
     found = calibration.next_best_passes(
-        terms, covariance, candidates, chosen=request.improve, count=request.count,
+        terms, covariance, candidates, chosen=improve, count=request.count,
         pass_priors=PassPriors.of_orbit(request.orbit_prior_m), slew=request.slew,
     )  # fmt: skip
     for one in found:
         after = dict(zip(terms, one.sigma, strict=True))
-        sigma = ", ".join(f"{name} {after[name] / before[name]:.3f}" for name in request.improve)
+        sigma = ", ".join(f"{name} {after[name] / before[name]:.3f}" for name in improve)
         print(f"{utc_text(one.start_t_s)}  {one.name}: sigma times {one.factor:.3f}; since the start: {sigma}")
+    request.write([one.candidate for one in found])
     return 0
 
 
@@ -129,6 +187,10 @@ def arguments() -> argparse.ArgumentParser:
     add("--sigma", type=float, metavar="MDEG", help="of one point (default: the station's)")
     add("--improve", nargs="+", default=[], metavar="TERM",
         help="advise the passes that reduce the sigma of these terms most")  # fmt: skip
+    add("--scan", nargs="+", default=[], metavar="TARGET",
+        help="bodies and satellites that are scanned, not tracked; alone, or with --elements")  # fmt: skip
+    add("--pattern", choices=PATTERNS, default="cross", help="of the scans (default: cross)")
+    add("--schedule", type=Path, metavar="FILE", help="CSV or JSON of the plan, for the executive")
     add("--model", type=Path, metavar="FILE", help="last model; its covariance is where --improve starts")
     add("--count", type=int, default=5, help="how many passes to advise (default: 5)")
     add("--orbit-prior", dest="orbit_prior_m", type=float, default=200.0, metavar="M",
@@ -137,12 +199,19 @@ def arguments() -> argparse.ArgumentParser:
 
 
 def request_with(
-    *, arc: list[float], spacing: float, sigma: float | None, settle: float, station: Station, **others: Any
+    *,
+    arc: list[float],
+    spacing: float,
+    sigma: float | None,
+    settle: float,
+    station: Station,
+    scan: list[str],
+    **others: Any,
 ) -> CampaignRequest:
     """Return the request of the options."""
     sigma_rad = station.calibrator.sigma_rad if sigma is None else sigma * MDEG
     rules = ArcRules(arcs_s=tuple(arc), spacing_s=spacing, sigma_rad=sigma_rad)
-    return CampaignRequest(rules=rules, slew=Slew(settle_s=settle), station=station, **others)
+    return CampaignRequest(rules=rules, slew=Slew(settle_s=settle), station=station, scan=tuple(scan), **others)
 
 
 request_from = partial(requested, arguments, request_with)
@@ -154,4 +223,4 @@ def main(argv: list[str] | None = None) -> None:
     with ending_with_reason(PROGRAM):
         request = request_from(argv)
         candidates = request.candidates()
-        sys.exit(advice(request, candidates) if request.improve else campaign(request, candidates))
+        sys.exit(advice(request, candidates) if request.improve or request.scan else campaign(request, candidates))

@@ -67,6 +67,7 @@ class Tables:
 
     directives: Mapping[str, DirectiveRow]
     procedure: Procedure
+    scan: Procedure
     recovery: RecoveryTable
     maintenance: Mapping[str, Procedure]
     """Procedures that an operator may start between two passes, by name."""
@@ -89,8 +90,9 @@ def read_tables(
     chosen = _of(file, lambda text: read_procedure(text, names))
     files = [TABLES / "self_test.yaml", *(sorted(Path(maintenance).glob("*.yaml")) if maintenance else ())]
     own = {file.stem: _of(file, lambda text: read_procedure(text, names)) for file in files}
+    scan = _of(TABLES / "scan.yaml", lambda text: read_procedure(text, names))
     file = Path(recovery) if recovery else TABLES / "recovery.yaml"
-    return Tables(rows, chosen, _of(file, lambda text: read_table(text, names, thresholds)), own)
+    return Tables(rows, chosen, scan, _of(file, lambda text: read_table(text, names, thresholds)), own)
 
 
 def _of(path: Path, read: Any) -> Any:

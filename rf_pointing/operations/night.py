@@ -13,6 +13,7 @@ from enum import StrEnum
 from typing import Any
 
 from rf_pointing.core import LEAST_SHARE, LOSS_OF_SIGNAL, OF_ANTENNA, Pair
+from rf_pointing.core.pass_outcome import SCANNED
 from rf_pointing.operations.alarms import Alarm, AlarmBook
 from rf_pointing.operations.executor import BlockRun, BlockState, Executor, JournalEntry, block_text
 from rf_pointing.operations.expected_state import ExpectedState
@@ -65,12 +66,13 @@ class Night:
 
     def __init__(
         self, schedule: Schedule, procedure: Procedure, table: RecoveryTable, send: Send, *,
-        quiet_s: float = 600.0, sensor: str = "auto", band: str = "",
+        quiet_s: float = 600.0, sensor: str = "auto", band: str = "", scan_procedure: Procedure | None = None,
         least_share: float = LEAST_SHARE,
         notify: Callable[[str, Alarm], None] = lambda _event, _alarm: None,
         save: Callable[[], None] = lambda: None,
     ) -> None:  # fmt: skip
         self.schedule, self.procedure, self.table = schedule, procedure, table
+        self._scan_procedure = scan_procedure or procedure
         self.sensor, self.band, self.least_share = sensor, band, least_share
         self.expected_state = ExpectedState()
         self.book = AlarmBook(notify, quiet_s)
@@ -335,7 +337,8 @@ class Night:
         if work.ending:
             if self._action is None and not self._busy:
                 work.count()
-                self._close(work, entry, "" if work.ending == SCHEDULED_END else work.ending, now_s)
+                done = work.ending == SCHEDULED_END and not entry.item.scan
+                self._close(work, entry, "" if done else work.ending, now_s)
             return
         work.executor.step(now_s)
         if failed := work.failed:
@@ -388,7 +391,7 @@ class Night:
             work.count()
         work.give_outcome(entry)
         share = entry.tracked_s / entry.item.duration_s
-        if not why and share < self.least_share:
+        if not why and not entry.item.scan and share < self.least_share:
             why = f"{100 * share:.0f} % of the pass was held, must be >= {100 * self.least_share:.0f} %"
             why = ": ".join(filter(None, (why, "; ".join(dict.fromkeys(work.reasons)))))
         state = PassState.LOST if why else PassState.TRACKED
@@ -398,7 +401,7 @@ class Night:
             state, why = PassState.YIELDS, f"a partner had it: {why or 'this antenna stood by'}"
         elif why and self.recovery.effect()[0] == "weather":
             state = PassState.WEATHER
-        self.schedule.end(entry, state, why or LOSS_OF_SIGNAL)
+        self.schedule.end(entry, state, why or (SCANNED if entry.item.scan else LOSS_OF_SIGNAL))
         self._work, self._planned_s, self._rest = None, -math.inf, ""
         self._end_entry(entry, work, now_s)
         refused = "" if state == PassState.TRACKED else self.expected_state.value("pass.refused") or ""
@@ -486,13 +489,14 @@ class Night:
         left_s = max(0.0, item.los_t_s - now_s)
         known = {
             "id": item.id, "target": item.target, "sensor": item.sensor or self.sensor,
-            "band": item.band or self.band,
+            "band": item.band or self.band, "scan": item.scan,
             "search_from": max(0.0, item.aos_t_s - SEARCH_BACK_S), "patience_s": left_s + PATIENCE_S,
             "aos": item.aos_t_s, "los": item.los_t_s, "name": item.name, "priority": item.priority,
         }  # fmt: skip
-        given = {name: value for name, value in known.items() if name in self.procedure.parameters}
+        procedure = self._scan_procedure if item.scan else self.procedure
+        given = {name: value for name, value in known.items() if name in procedure.parameters}
         # Windows count from the rise, in each attempt.
-        return self._executor(self.procedure, given, item.aos_t_s)
+        return self._executor(procedure, given, item.aos_t_s)
 
     def _begin_action(self, name: str, now_s: float, parameters: Mapping[str, Any] | None = None) -> None:
         if self._action is None:

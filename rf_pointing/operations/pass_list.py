@@ -76,7 +76,7 @@ def row_of(item: ScheduledPass) -> dict[str, Any]:
         "los_elevation_deg": math.degrees(item.elevation_rad[1]),
         "antenna": item.antenna, "sensor": item.sensor, "band": item.band,
         "element_age_h": None if math.isnan(item.element_age_s) else item.element_age_s / 3600.0,
-        "filler": item.filler,
+        "scan": item.scan, "filler": item.filler,
     }  # fmt: skip
     return {name: round(value, 6) if isinstance(value, float) else value for name, value in row.items()}
 
@@ -268,7 +268,7 @@ def _pass_of(number: int, row: Mapping[str, Any]) -> ScheduledPass:
                 math.radians(_number(row, "los_elevation_deg", 0.0)),
             ),
             antenna=_text(row, "antenna"), sensor=_text(row, "sensor"), band=_text(row, "band"),
-            element_age_s=3600.0 * _number(row, "element_age_h"), filler=_flag(row, "filler"),
+            element_age_s=3600.0 * _number(row, "element_age_h"), scan=_text(row, "scan"), filler=_flag(row, "filler"),
         )  # fmt: skip
     except KeyError as error:
         raise ValueError(f"row {number}: {error.args[0]} is missing") from None

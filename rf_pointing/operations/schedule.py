@@ -26,6 +26,8 @@ Path = tuple[float, float, float, float]
 MOST_PASSES = 20_000
 STANDBY_RANK = 2**33
 """By which a pass of a partner ranks below every one of its own."""
+SCAN_SHARE = 0.9
+"""Share of its time that a scan needs, to be begun late."""
 LAST_S = 2.0**31
 """End of the stamps of ROS, UTC in s."""
 
@@ -70,6 +72,8 @@ class ScheduledPass:
     sensor: str = ""
     band: str = ""
     element_age_s: float = math.nan
+    scan: str = ""
+    """Pattern by which the target is scanned; empty: it is tracked."""
     filler: bool = False
     """Whether it is a piece of a longer stay, in a gap between passes."""
 
@@ -78,7 +82,7 @@ class ScheduledPass:
             object.__setattr__(self, "id", f"{id_of(self.target)}-{round(0.5 * (self.aos_t_s + self.los_t_s))}")
         # The name of its recording's folder.
         require_id("id", self.id)
-        for key in ("target", "name", "antenna", "sensor", "band"):
+        for key in ("target", "name", "antenna", "sensor", "band", "scan"):
             require_name(key, getattr(self, key))
         if not self.target:
             raise ValueError(f"target='' of pass {self.id!r} must name a satellite")
@@ -273,7 +277,7 @@ class Schedule:
         return (((low, self.limits.elevation_min_rad), (high, self.limits.elevation_min_rad)),)
 
     def _least_s(self, item: ScheduledPass) -> float:
-        return min(self.params.least_s, 0.5 * item.duration_s)
+        return min(self.params.least_s, 0.5 * item.duration_s) if not item.scan else SCAN_SHARE * item.duration_s
 
     def _free(self, active: Entry, place: Pair, now_s: float) -> tuple[float, Pair]:
         """Return when and where the present pass leaves the antenna."""

@@ -1,6 +1,7 @@
 """What the offline command lines mean: requests in the units of the package."""
 
 import dataclasses
+import itertools
 import math
 from pathlib import Path
 
@@ -10,6 +11,7 @@ from rf_pointing.calibration import TERM_NAMES
 from rf_pointing.commands import fit_bias_model, plan_calibration, plan_passes
 from rf_pointing.core.dates import DAY_S, parse_utc
 from rf_pointing.ephemeris import find_elements, tle_lines, verification_elements
+from rf_pointing.operations.pass_list import read_passes
 
 START = "2006-06-27T04:00:00"
 
@@ -59,6 +61,25 @@ def test_plan_calibration_cuts_candidates_as_the_options_say() -> None:
     assert (given.rules.arcs_s, given.rules.spacing_s, given.slew.settle_s) == ((20.0, 40.0), 5.0, 30.0)
     assert math.degrees(given.rules.sigma_rad) == pytest.approx(3e-3)
     assert (given.improve, given.count, given.orbit_prior_m) == (["droop"], 2, 0.0)
+
+
+def test_scans_and_passes_that_help_most_become_a_schedule_of_the_executive(tmp_path: Path) -> None:
+    file = tmp_path / "night.csv"
+    line = f"--station leo_3m7 --start {START} --hours 8 --count 4 --elements {tmp_path / 'x.tle'} --schedule {file} --scan"
+    cbers = find_elements(verification_elements(), "28057")
+    (tmp_path / "x.tle").write_text("\n".join([cbers.name, *tle_lines(cbers)]))
+    request = plan_calibration.request_from([*line.split(), "Moon", "Cassiopeia A"])
+    candidates = request.candidates()
+    assert {one.name for one in candidates} == {"Moon", "Cassiopeia A", cbers.name}
+    assert plan_calibration.advice(request, candidates) == 0
+    planned = read_passes(file.read_text())
+    assert len(planned) == 4
+    assert {one.scan for one in planned if one.target != cbers.name} == {"cross"}
+    assert not any(one.scan for one in planned if one.target == cbers.name)
+    for before, after in itertools.pairwise(planned):
+        assert after.aos_t_s > before.los_t_s + request.slew.settle_s
+    only = plan_calibration.request_from([*line.replace(f"--elements {tmp_path / 'x.tle'} ", "").split(), "Moon"])
+    assert {one.name for one in only.candidates()} == {"Moon"}
 
 
 def test_candidates_have_elements_within_14_days_all_along(tmp_path: Path) -> None:

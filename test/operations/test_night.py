@@ -38,6 +38,7 @@ class Station:
         self.target, self.reason, self.tracked_s, self.window = "", "start", 0.0, None
         self.silent_s, self.free_gb, self.refuses, self.recording = 0.0, 100.0, "", ""
         self.drive, self.missing = "", list[str]()
+        self.scan, self.scan_ends, self.scan_ends_s = "", "complete", 0.0
         self.told: list[tuple[float, str, str]] = []
         self.sent: list[str] = []
         self.names: dict[int, str] = {}
@@ -54,7 +55,10 @@ class Station:
         self._answers.clear()
         schedule = Schedule(LIMITS, RATES, self.between, self.name)
         told = lambda event, alarm: self.told.append((self.now_s, event, alarm.name))  # noqa: E731
-        self.night = Night(schedule, self.procedure, TABLES.recovery, self._send, save=self._save, notify=told)
+        self.night = Night(
+            schedule, self.procedure, TABLES.recovery, self._send, save=self._save, notify=told,
+            scan_procedure=TABLES.scan,
+        )  # fmt: skip
         return self.night
 
     def _save(self) -> None:
@@ -82,6 +86,9 @@ class Station:
             assert not self.target, "another pass is tracked"
             assert self.mode in ("holding", "tracking")
             self.window, self.target, self.tracked_s, self.mode = arguments["target_pass"], "x", 0.0, "tracking"
+        elif name == "scan":
+            assert arguments == {"name": self.night.active_id, "target": "x", "pattern": "cross"}
+            self.scan, self.scan_ends_s = "scanning", self.now_s + 150.0
         elif name == "stop_pass":
             self._end("stop was requested")
         elif name == "reset_antenna_fault":
@@ -129,6 +136,8 @@ class Station:
             self.tracked_s += STEP_S * begun
             if begun and self.now_s >= self.window.los_t_s:
                 self._end(LOSS_OF_SIGNAL)
+            if self.scan and self.now_s >= self.scan_ends_s:
+                self.scan = self.scan_ends
             if self.speaks:
                 self._publish(begun)
             self.night.take_readiness(self.missing, self.now_s)
@@ -148,6 +157,7 @@ class Station:
             "tracking": {"mode": "conscan" if self.target else "idle", "target": self.target, "reason": self.reason,
                          "held": held, "seconds_tracked": self.tracked_s, "seconds_lost": 0.0, "mean_loss": 0.1},
             "pointing_controller": {"silent_s": self.silent_s, "failed": ""}, "disk": {"free_gb": self.free_gb},
+            "scan": {"state": self.scan},
             "recorder": {"state": "recording" if self.recording else "idle"},
             **{node: {"failed": ""} for node in ("antenna_servo", "ephemeris_publisher")},
             "computer": {"memory_free_mb": 500.0}, "executive": {"problem": ""},
@@ -499,6 +509,22 @@ def test_a_pass_that_the_list_cuts_off_is_ended_there_and_counts_as_tracked() ->
     station.run(4000.0)
     assert station.states == {"a": "tracked"}
     assert station.now_s < 1400.0
+
+
+@pytest.mark.parametrize(
+    ("ends", "state", "reason", "scans"),
+    [("complete", "tracked", "the scan is complete", 1), ("no source was seen", "lost", "no source was seen", 2)],
+)
+def test_a_scan_is_measured_by_its_client_whatever_is_held_and_is_repeated_while_it_can_be(
+    ends: str, state: str, reason: str, scans: int
+) -> None:
+    station = Station(a_pass("a", 1000.0, los_s=1250.0, target="x", scan="cross"))
+    station.scan_ends = ends
+    station.run(4000.0)
+    (record,) = station.night.records
+    assert (record.state, station.sent.count("scan")) == (state, scans)
+    assert record.reason.endswith(reason)
+    assert "record" not in station.sent
 
 
 # Single steps

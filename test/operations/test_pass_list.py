@@ -16,13 +16,14 @@ WHOLE = ScheduledPass(
     id="7", target="33591", name="NOAA 19", aos_t_s=AOS_S, los_t_s=LOS_S, priority=-3, peak_rad=math.radians(40.0),
     azimuth_path_rad=tuple(map(math.radians, (10.0, -5.0, 200.0, 190.0))),
     elevation_rad=(math.radians(5.0), math.radians(7.0)), antenna="gs2", sensor="program", element_age_s=5400.0,
-    band="S", filler=True,
+    band="S", scan="cross", filler=True,
 )  # fmt: skip
 ROW = {
     "id": "7", "name": "NOAA 19", "target": "33591", "priority": -3, "aos_utc": "2026-01-01T01:00:00.250Z",
     "los_utc": "2026-01-01T01:11:40.750Z", "peak_elevation_deg": 40.0, "aos_azimuth_deg": 10.0,
     "azimuth_low_deg": -5.0, "azimuth_high_deg": 200.0, "azimuth_end_deg": 190.0, "aos_elevation_deg": 5.0,
-    "los_elevation_deg": 7.0, "antenna": "gs2", "sensor": "program", "band": "S", "element_age_h": 1.5, "filler": True,
+    "los_elevation_deg": 7.0, "antenna": "gs2", "sensor": "program", "band": "S", "element_age_h": 1.5,
+    "scan": "cross", "filler": True,
 }  # fmt: skip
 HEAD = "target,aos_utc,los_utc"
 TIMES = "2026-01-01T01:00:00Z,2026-01-01T01:10:00Z"
@@ -46,7 +47,7 @@ def test_every_field_comes_back(form: str) -> None:
         "calendar": lambda: to_calendar([WHOLE], "Station", 0.0),
     }[form]()
     (back,) = read_passes(text)
-    for name in ("id", "target", "name", "priority", "antenna", "sensor", "band", "filler"):
+    for name in ("id", "target", "name", "priority", "antenna", "sensor", "band", "scan", "filler"):
         assert getattr(back, name) == getattr(WHOLE, name)
     for name in ("aos_t_s", "los_t_s", "peak_rad", "element_age_s"):
         assert getattr(back, name) == pytest.approx(getattr(WHOLE, name), abs=1e-6)

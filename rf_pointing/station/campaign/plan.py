@@ -15,7 +15,7 @@ from rf_pointing.calibration import CandidatePass, ReferenceTrack
 from rf_pointing.calibration.reference import COLUMNS
 from rf_pointing.core import LEVEL, MDEG, Kinematics, Pair, Params, RadioRefraction, parameter
 from rf_pointing.core.constants import EARTH_MU_M3_S2, EARTH_RADIUS_M
-from rf_pointing.ephemeris import Elements, Pass, Site, TopocentricTrack, find_passes
+from rf_pointing.ephemeris import Elements, Pass, Site, TargetSource, TopocentricTrack, find_passes
 
 # The pass is followed from lower than its points: the search needs time before the first one.
 LEAST_MASK_RAD = math.radians(1.0)
@@ -44,7 +44,7 @@ class ArcRules(Params):
 
 
 def candidate_arcs(
-    elements: Sequence[Elements], site: Site, start_t_s: float, duration_s: float, rules: ArcRules,
+    targets: Sequence[Elements | TargetSource], site: Site, start_t_s: float, duration_s: float, rules: ArcRules,
     mount: Kinematics = LEVEL,
 ) -> tuple[list[CandidatePass], list[str]]:  # fmt: skip
     """Return every candidate, named after its satellite, and the reasons of what is left out."""
@@ -52,7 +52,7 @@ def candidate_arcs(
     left_out: list[str] = []
     # One for all: its coefficients cost more than the track of a satellite.
     air = RadioRefraction.standard(site.altitude_m)
-    for one in elements:
+    for one in targets:
         try:
             found += _arcs_of(TopocentricTrack(one, site, refraction=air), start_t_s, duration_s, rules, mount)
         except ValueError as reason:

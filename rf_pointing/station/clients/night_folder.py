@@ -15,8 +15,12 @@ from rf_pointing.core import utc_text, write_whole
 from rf_pointing.operations import JournalEntry
 from rf_pointing.operations.pass_work import VERDICT, PassRecord
 
-# Seconds of processor time: a process of its own, behind all others.
-_BEHIND = "import os; os.nice(19); from rf_pointing.commands.{} import main; main()"
+# Seconds of processor time: a process of its own, behind all others where nothing waits for it.
+_RUN = "from rf_pointing.commands.{} import main; main()"
+_BEHIND = f"import os; os.nice(19); {_RUN}"
+OFFSETS, MODEL = "offsets.csv", "model.yaml"
+"""Table of the scans of a night, and the model that is fitted to them and to its recordings."""
+SCANNING, COMPLETE = "scanning", "complete"
 
 
 class Recording(Protocol):
@@ -43,6 +47,10 @@ class NightFolder:
         self._folder: Path | None = None
         self._reports: list[subprocess.Popen[bytes]] = []
         self._refining: tuple[subprocess.Popen[bytes], Path, Path] | None = None
+        self._fitting: subprocess.Popen[bytes] | None = None
+        self._scan: subprocess.Popen[bytes] | None = None
+        self.scanned = ""
+        """Id of the scan that was begun last."""
 
     @property
     def recorder(self) -> str:
@@ -120,12 +128,53 @@ class NightFolder:
         Refined elements go next to them, where they are better.
         """
         folder = self.path / "passes" / names[-1]
-        bags = [str(each) for name in names for each in sorted((self.path / "passes" / name).glob("bag*"))]
-        command = [sys.executable, "-c", _BEHIND.format("orbit_from_passes"), *bags, "--elements", str(elements),
+        command = [_BEHIND.format("orbit_from_passes"), *self._bags(names), "--elements", str(elements),
                    "--if-better", "--output", str(folder / "orbit"), *further]  # fmt: skip
-        with (folder / "orbit.txt").open("w") as said:
-            process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=said, stderr=said)
-        self._refining = process, folder, elements
+        self._refining = _python(command, folder / "orbit.txt"), folder, elements
+
+    def scan(self, name: str, target: str, pattern: str, antenna: str) -> str:
+        """Begin a scan by the client of `antenna`; its result goes into the folder of the pass."""
+        self.end_scan()
+        folder = self.path / "passes" / name
+        folder.mkdir(parents=True, exist_ok=True)
+        command = [_RUN.format("station"), "--namespace", f"/{antenna}", "scan", target, "--pattern", pattern,
+                   "--table", str(self.path / OFFSETS), "--output", str(folder)]  # fmt: skip
+        self._scan, self.scanned = _python(command, folder / "scan.txt"), name
+        return str(folder)
+
+    @property
+    def scan_state(self) -> str:
+        """State of the scan that was begun last: scanning, complete, or why it failed."""
+        if self._scan is None or (code := self._scan.poll()) is None:
+            return SCANNING if self._scan else ""
+        said = self.path / "passes" / self.scanned / "scan.txt"
+        return _last_word(said) if code else COMPLETE
+
+    def end_scan(self) -> None:
+        """End a scan under way: its client cancels it."""
+        if self._scan is not None and self._scan.poll() is None:
+            self._scan.terminate()
+        self._scan = None
+
+    def fit(self, names: Sequence[str], further: Sequence[str]) -> None:
+        """Begin to fit a bias model to the scans of the night and the recordings of passes."""
+        table = self.path / OFFSETS
+        data = [*self._bags(names), *([str(table)] if table.exists() else [])]
+        if data:
+            command = [_BEHIND.format("fit_bias_model"), *data, "--output", str(self.path / MODEL), *further]
+            self._fitting = _python(command, self.path / "model.txt")
+
+    def fitted(self) -> tuple[str, bool]:
+        """Return what came of the fit in words, once, and whether there is a model; "" before."""
+        if self._fitting is None or (code := self._fitting.poll()) is None:
+            return "", False
+        self._fitting = None
+        if code:
+            return f"no bias model of this night: {_last_word(self.path / 'model.txt')}", False
+        return f"bias model of this night: {self.path / MODEL}; what to know of it is in model.txt", True
+
+    def _bags(self, names: Sequence[str]) -> list[str]:
+        return [str(each) for name in names for each in sorted((self.path / "passes" / name).glob("bag*"))]
 
     @property
     def refining(self) -> bool:
@@ -137,13 +186,24 @@ class NightFolder:
         if self._refining is None or (code := self._refining[0].poll()) is None:
             return ""
         (_, folder, elements), self._refining = self._refining, None
-        said = (folder / "orbit.txt").read_text(encoding="utf-8", errors="replace").splitlines()
-        last = said[-1] if said else "it has ended without a word"
         if code:
-            return f"elements not refined from passes up to {folder.name}: {last}"
+            return f"elements not refined from passes up to {folder.name}: {_last_word(folder / 'orbit.txt')}"
         # One file for each satellite: the newest orbit has all passes of the night in it.
         text = (folder / "orbit.omm").read_text(encoding="utf-8")
         satellite = re.search(r"OBJECT_ID\s*=\s*(\S+)", text)
         place = elements.parent / f"refined-{satellite[1] if satellite else folder.name}.omm"
         write_whole(place, text)
         return f"elements refined from passes up to {folder.name}: {place}"
+
+
+def _python(command: Sequence[str], said: Path) -> subprocess.Popen[bytes]:
+    """Begin code with arguments in a process of its own, whose words go to a file."""
+    with said.open("w") as words:
+        return subprocess.Popen(
+            [sys.executable, "-c", *command], stdin=subprocess.DEVNULL, stdout=words, stderr=words
+        )  # fmt: skip
+
+
+def _last_word(said: Path) -> str:
+    lines = said.read_text(encoding="utf-8", errors="replace").splitlines() if said.exists() else []
+    return lines[-1] if lines else "it has ended without a word"

@@ -26,6 +26,7 @@ from rf_pointing.station.clients.station_alarms import NEEDED, StationAlarms
 from rf_pointing.station.description import StationDescription
 from rf_pointing.station.parameters import controller_params
 from rf_pointing.station.pointing.status import Level, Report
+from rf_pointing.tracking.scan_program import PATTERNS
 from rf_pointing.tracking.sensors import SENSOR_CHOICES, sensors_of
 
 STATUS_S, SHARED_STATUS_S = 1.0, 0.4
@@ -48,6 +49,8 @@ class ExecutiveParams(Params):
         "", "file of elements that the passes of a night refine; refined ones go next to it, into the folder that "
         "ephemeris_publisher reads; empty: not refined"
     )  # fmt: skip
+    model: bool = parameter(False, "whether a bias model is fitted to scans and recorded passes at the end of a night")
+    elements: str = parameter("", "elements of satellites that are scanned, for that fit; empty: of none")
     partners: str = parameter("", "namespaces of the antennas that share the schedule, separated by commas")
     partners_key_file: str = parameter("", "key that the executives of these antennas share; the first makes it")
 
@@ -84,12 +87,17 @@ class NightWatch:
             **mount_to_notes(controller.kinematics),
         }
         self.folder = NightFolder(own.folder, record)
-        actions = {"record": self._record, "end_record": self.folder.end_record, "report": self.folder.report}
+        actions = {
+            "scan": self._scan,
+            "record": self._record,
+            "end_record": self.folder.end_record,
+            "report": self.folder.report,
+        }
         self.sender = connect(tables.directives, actions, self._responded, self._ended)
         self.night = Night(
             Schedule(controller.limits, controller.machine.axes, between, antenna, controller.kinematics),
             tables.procedure, tables.recovery, self.sender.send, quiet_s=alarms.quiet_s, sensor=own.sensor, band=band,
-            least_share=controller.machine.least_share, save=self._keep,
+            scan_procedure=tables.scan, least_share=controller.machine.least_share, save=self._keep,
         )  # fmt: skip
         self.alarms = StationAlarms(
             self.night.recovery, alarms, hooks, station.name, controller, self.folder.path, publish
@@ -156,6 +164,7 @@ class NightWatch:
         self.alarms.observe(t_s, wall_s, needed)
         self.night.take_readiness(self.alarms.reasons_not_ready(sorted(needed), wall_s), t_s)
         self.night.take("recorder", {"state": self.folder.recorder}, t_s)
+        self.night.take("scan", {"state": self.folder.scan_state}, t_s)
         self.night.take("executive", {"problem": self._memory.problem or self.folder.problem}, t_s)
 
     def _needed(self) -> set[str]:
@@ -188,6 +197,11 @@ class NightWatch:
             if self._own.refine and record.state == PassState.TRACKED and record.recorded:
                 self._unrefined.append((record.name, record.band))
         self._refine()
+        if self.folder.scanned != self.night.active_id:
+            self.folder.end_scan()
+        text, good = self.folder.fitted()
+        if text:
+            self._tell(text, good)
         self._judged = len(self.night.records)
         if self.night.journal:
             self.folder.write_journal(self.night.journal)
@@ -195,6 +209,10 @@ class NightWatch:
         if not self.night.finished or before == NightState.IDLE:
             return False
         self.folder.end_record()
+        if self._own.model:
+            mine = [each.id for each in self.night.records if each.recorded and each.state == PassState.TRACKED]
+            further = ["--elements", self._own.elements] * bool(self._own.elements)
+            self.folder.fit(mine, ["--station", str(self._station.path), "--band", self.night.band, *further])
         self._report = self.folder.write_morning(t_s, lambda folder: self._write_report(folder, self.alarms.healths))
         if self._report:
             self._tell(f"morning report {Path(self._report) / 'night.html'}", True)
@@ -242,6 +260,9 @@ class NightWatch:
         band = (entry.item.band if entry else "") or self.night.band
         notes = {**self._notes, "band": band}
         return self.folder.record(name, self._thresholds.disk_free_gb, notes)
+
+    def _scan(self, **given: str) -> str:
+        return self.folder.scan(**given, antenna=self.night.schedule.antenna)
 
     def inhibit(self, wall_s: float) -> str:
         """Return "" or why the antenna must not transmit in the pass in work: a partner may."""
@@ -295,6 +316,11 @@ class NightWatch:
         for each in passes:
             if each.antenna in ("", self.night.schedule.antenna):
                 require_choice(f"pass {each.id}: band", each.band, ("", *self._station.bands))
+                require_choice(f"pass {each.id}: scan", each.scan, ("", *PATTERNS))
+                if each.scan and each.band not in ("", self.night.band):
+                    raise ValueError(
+                        f"pass {each.id}: a scan is in the band in use, {self.night.band}, not {each.band}"
+                    )
                 if each.band and "band" not in self.night.procedure.parameters:
                     needs = "needs a procedure_file with parameter band"
                     raise ValueError(f"pass {each.id}: band={each.band} {needs}")

@@ -78,7 +78,7 @@ def listed(*begins_s: float, **more: str) -> list[ScheduledPass]:
 @pytest.fixture(autouse=True)
 def disk(monkeypatch: pytest.MonkeyPatch) -> Any:
     """Return the disk, of which `free` bytes are free (OSError if negative), and the `processes` that were begun."""
-    one = SimpleNamespace(free=5e9, processes=[], commands=[], poll=lambda: 0)
+    one = SimpleNamespace(free=5e9, processes=[], commands=[], poll=lambda: 0, ended=0)
 
     def usage(_folder: Path) -> Any:
         if one.free < 0.0:
@@ -88,7 +88,7 @@ def disk(monkeypatch: pytest.MonkeyPatch) -> Any:
     def begin(command: list[str], **_options: Any) -> Any:
         one.commands.append(command)
         one.processes.append(command[-1])
-        return SimpleNamespace(poll=lambda: one.poll())
+        return SimpleNamespace(poll=lambda: one.poll(), terminate=lambda: setattr(one, "ended", one.ended + 1))
 
     for module in (night_folder, station_alarms):
         monkeypatch.setattr(module, "shutil", SimpleNamespace(disk_usage=usage))
@@ -375,6 +375,51 @@ def test_a_recording_is_noted_with_the_band_of_its_pass_and_one_that_a_procedure
     two = Bench(tmp_path, procedure_file=str(own))
     with pytest.raises(ValueError, match="pass p0: band=S needs a procedure_file with parameter band"):
         two.watch.start(listed(100.0, band="S"), False, T_S)
+
+
+def test_a_scan_is_a_client_that_ends_with_its_pass_and_a_model_is_fitted_to_the_night(
+    tmp_path: Path, disk: Any
+) -> None:
+    one, codes = Bench(tmp_path, model=True, elements="all.tle", record=True), [None]
+    disk.poll = lambda: codes[-1]
+    one.watch.start(listed(100.0, scan="cross"), False, T_S)
+    one.own["scan"](name="p0", target="Moon", pattern="cross")
+    folder, table = one.folder / "passes" / "p0", one.folder / "offsets.csv"
+    assert disk.commands[-1][3:] == ["--namespace", "/gs2", "scan", "Moon", "--pattern", "cross", "--table", str(table),
+                                     "--output", str(folder)]  # fmt: skip
+    assert one.watch.folder.scan_state == "scanning"
+    (folder / "scan.txt").write_text("goal sent\nno source was seen\n")
+    codes.append(1)
+    assert one.watch.folder.scan_state == "no source was seen"
+    codes.append(0)
+    assert one.watch.folder.scan_state == "complete"
+    codes.append(None)
+    # A pass that is not in work any more leaves no client behind.
+    one.step()
+    assert (disk.ended, one.watch.folder.scan_state) == (1, "")
+    table.write_text("utc,target\n")
+    one.watch.request("abort", T_S)
+    assert any(one.step(n) for n in range(1, 100))
+    fit = disk.commands[-1]
+    assert fit[2].endswith("from rf_pointing.commands.fit_bias_model import main; main()")
+    assert fit[3:] == [str(table), "--output", str(one.folder / "model.yaml"), "--station", str(STATION.path),
+                       "--band", "X", "--elements", "all.tle"]  # fmt: skip
+    for code, good, words in ((0, True, "bias model of this night"), (1, False, "it has ended without a word")):
+        one.watch.folder.fit([], [])
+        codes.append(code)
+        one.step(100.0)
+        assert one.told[-1][1] is good
+        assert words in one.told[-1][0]
+
+
+@pytest.mark.parametrize(
+    ("more", "words"), [({"scan": "zigzag"}, "scan='?zigzag'? must be one of"), ({"scan": "cross", "band": "S"}, "in use, X")],
+)  # fmt: skip
+def test_a_scan_of_an_unknown_pattern_or_in_another_band_is_refused(
+    tmp_path: Path, more: dict[str, str], words: str
+) -> None:
+    with pytest.raises(ValueError, match=words):
+        Bench(tmp_path).watch.start(listed(100.0, **more), False, T_S)
 
 
 def test_elements_are_refined_from_all_passes_of_a_satellite_once_it_has_two_and_only_where_they_are_better(
