@@ -12,6 +12,7 @@ antenna publishes /diagnostics once a second of wall time, so a node is deaf if
     a neighbour with its input        is silent for 10 s, and most of the others receive it in the
                                       last 5 s of them; for 15 s where fewer do, or where it is
                                       not even in the graph
+                                      (10 s more for what moves the antenna, which the other needs)
     most neighbours                   have not received this node for 10 s: it is mute; or one of
                                       them, whose topics it needs, and which needs none of its own
     a name in the graph               has been damaged for 5 s, and could be read before
@@ -47,6 +48,7 @@ RECEIVED_S, PROVED_S, BY_FEW_S = 5.0, 5.0, 10.0
 """A neighbour counts as received for so long after its last message; what most others have received
 all the time for longer, and this node has not, is lost here; or one other, for longer still."""
 FEWEST = 2
+MOVING = "pointing_controller", "antenna_servo"
 SHARED_S = 0.9  # Nodes of a process look at the graph together: among many antennas a look is long.
 _shared = WeakKeyDictionary[Any, tuple[float, set[str]]]()
 OF_ALL = {TOPIC, "/rosout", "/parameter_events", "/clock"}
@@ -99,6 +101,11 @@ def _sender(payload: bytes) -> str:
             found, at = body[at + 4 : end], -(-end // 4) * 4
         return found[:-1].decode()
     return ""
+
+
+def _moves(name: str) -> int:
+    """Return how near a node is to the motion of the antenna."""
+    return MOVING.index(name.rpartition("/")[2]) if name.endswith(MOVING) else -1
 
 
 class InputWatchdog:
@@ -219,6 +226,9 @@ class InputWatchdog:
         self._lost_s = {name: self._lost_s.get(name, 0.0) + passed_s for name in takers}
         for name, long_s in self._lost_s.items():
             proved_s = PROVED_S if name in known and 2 * takers[name] > len(others) else BY_FEW_S
+            if _moves(self._own) > _moves(name) and self._passes(self._own, name):
+                # The other one needs this node as well, and stops nothing where it starts again.
+                proved_s += BY_FEW_S
             if long_s > proved_s and (name not in known or self._passes(name, self._own)):
                 long_s += RECEIVED_S
                 self._end(f"nothing has been received from {name} for {long_s:.0f} s, which others receive")

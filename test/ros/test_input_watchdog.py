@@ -197,6 +197,17 @@ def test_a_neighbour_that_was_killed_may_be_found_later_here_than_by_others() ->
     assert graph.watchdog.deaf == ""
 
 
+def test_what_moves_the_antenna_starts_again_last() -> None:
+    graph = Graph()
+    graph.sent[OWN].append("/gs1/target")
+    graph.taken[RECEIVER] = ["/gs1/target"]
+    graph.run(5, received=ALL_BUT)
+    graph.run(20, says=[SERVO, CALIBRATOR])
+    assert graph.watchdog.deaf == ""
+    graph.run(1)
+    assert graph.watchdog.deaf.startswith(f"nothing has been received from {RECEIVER} for 21 s")
+
+
 def test_a_neighbour_that_only_others_have_in_their_graph_is_lost_here() -> None:
     graph = Graph()
     graph.run(5, received=ALL_BUT)
