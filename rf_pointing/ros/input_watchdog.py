@@ -200,6 +200,9 @@ class InputWatchdog:
         silent = {name: each_s for name, each_s in since_s.items() if each_s > SILENCE_S}
         if len(silent) >= FEWEST and len(silent) == len(self._neighbours):
             self._end(f"nothing has been received from {', '.join(silent)} for {min(silent.values()):.0f} s")
+        if unseen_s:
+            # Others have not received a node that did not look, which proves nothing either.
+            self._lost_s, self._mute_s = {}, {}
         self._compare(now_s, passed_s - unseen_s)
         for watched in self._inputs:
             self._look_at(watched, passed_s - unseen_s, max(node_passed_s, 0.0))

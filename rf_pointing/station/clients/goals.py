@@ -18,7 +18,7 @@ from rf_pointing.station.pointing.certificates import StoreParams, store_certifi
 from rf_pointing.station.pointing.controller import PointingController, WiderBand
 from rf_pointing.station.pointing.params import ControllerParams
 from rf_pointing.station.pointing.status import Level, Report, TrackingStatus
-from rf_pointing.tracking.scan_program import ScanProgramParams
+from rf_pointing.tracking.scan_program import ScanProgram, ScanProgramParams
 from rf_pointing.tracking.sensors import SENSOR_CHOICES, sensors_of
 
 FEEDBACK_S = 5.0
@@ -28,6 +28,8 @@ LONGEST_WAIT_S = 0.05
 """Wall time that a period waits for what it should use; commands start after 0.1 s."""
 PATIENCE_WALL_S = 30.0
 """Wall time that a goal waits for its pass or certificate, also while simulated time is held."""
+SCAN_SPARE_S = 1800.0
+"""Time beyond a commanded scan that its pass needs: the slew to the target."""
 LONGEST_SCANNED_S = 20.0 * 3600.0
 """Longest pass that is scanned: the Moon sets, a geostationary satellite does not."""
 NEAR_S = 3600.0
@@ -266,6 +268,10 @@ class PassGoals:
 
     def _start(self, window: Pass, t_s: float) -> None:
         assert self._goal is not None
+        if (scan := self._goal.scan) is not None:
+            # No more of it is certified: what never sets goes round the station.
+            end_s = max(t_s, window.aos_t_s) + ScanProgram(scan).duration_s + SCAN_SPARE_S
+            window = replace(window, los_t_s=min(window.los_t_s, end_s))
         self.window = window
         try:
             self._read_joints(t_s)

@@ -196,7 +196,7 @@ class NightFolder:
         return f"elements refined from passes up to {folder.name}: {place}"
 
 
-def _python(command: Sequence[str], said: Path) -> subprocess.Popen[bytes]:
+def _python(command: Sequence[str], said: Path) -> Any:
     """Begin code with arguments in a process of its own, whose words go to a file."""
     with said.open("w") as words:
         return subprocess.Popen(

@@ -284,7 +284,7 @@ class PointingController:
         axes, known = self._motion.axes, self.plan.profile_of(window) is not None
         self._turns_rad = self._choose_turn(t_s, window, axes, sensor) if axes is not None and known else None
         self._sensor, self._started_s, self._asked = sensor, t_s, window
-        self._pass, self._stopping = self.plan.seen(window), ""
+        self._pass, self._stopping = self.plan.seen(window, piece=program is not None), ""
         self._motion.restart()
         if self._turns_rad is not None:
             self._motion.resume(t_s)
@@ -317,7 +317,7 @@ class PointingController:
             profile = self.plan.profile_of(self._pass)
             self.carrier.require_level(self._pass, self._sensor, self._mode.params, profile)
             self._turns_rad = self._choose_turn(t_s, self._pass, axes, self._sensor)
-            self._pass = self.plan.seen(self._pass)
+            self._pass = self.plan.seen(self._pass, piece=self._scans.program is not None)
             self._motion.resume(t_s)
         except ValueError as refused:
             self._stopping = str(refused)
@@ -440,10 +440,12 @@ class PointingController:
         timing, beamwidth_rad = self.params.pointing, self._own.spiral.half_power_beamwidth_rad
         newest_t_s = t_s - LEAST_AGE_PERIODS * timing.period_s
         oldest_t_s = newest_t_s - LEVEL_PERIODS * timing.period_s
+        # A commanded scan leaves the source on purpose: its power tells nothing of the axes.
+        power = self._levels.power(newest_t_s, oldest_t_s, self._mode.axis_db_hz)
         evidence = BeamEvidence(
             sensor=self._mode.sensor, axes=self.antenna.state, sensed=sensed,
             off_centre_rad=self._motion.off_centre_rad() if scanned else None,
-            power=self._levels.power(newest_t_s, oldest_t_s, self._mode.axis_db_hz),
+            power=None if self._scans.program else power,
             planned_rad=0.0 if course.direct else course.planned_error_rad(t_s),
         )  # fmt: skip
         waiting = mode == Mode.IDLE

@@ -115,9 +115,12 @@ class PassPlan:
         """Replace the profiles of the coming passes, which are on the sky."""
         self.profiles = [each.on(self.mount) for each in profiles]
 
-    def seen(self, window: Pass) -> Pass:
-        """Return the pass in hand in the angles of the mount's axes, as its profile."""
-        if self.mount.level or self.profile is None:
+    def seen(self, window: Pass, *, piece: bool = False) -> Pass:
+        """Return the pass in hand in the angles of the mount's axes, as its profile.
+
+        A `piece` of a pass has the angles of its own.
+        """
+        if (self.mount.level and not piece) or self.profile is None:
             return window
         first = self.profile.position_rad[:, 0]
         return replace(
