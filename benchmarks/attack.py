@@ -150,7 +150,7 @@ class Attacked(Station):
     def whole(self) -> bool:
         """Return whether each node says on /diagnostics that it receives every other one."""
         said = [self.health.get(f"{name}: hearing", DiagnosticStatus()) for name in self.nodes]
-        received = ["".join(each.value for each in one.values if each.key == "received") for one in said]
+        received = ["".join(v.value for v in one.values if v.key == "received") for one in said]
         return all(len(names.split()) == len(self.nodes) - 1 for names in received)
 
     @property
@@ -772,8 +772,8 @@ def each_alone(options: argparse.Namespace) -> list[int]:
     codes, verdicts = list[int](), list[Any]()
     for drive in options.drive:
         with tempfile.NamedTemporaryFile(suffix=".json") as file:
-            command = [sys.executable, __file__, *options.scenarios, "--drive", drive, "--json", file.name]
-            command += ["--keep", str(options.keep)] * bool(options.keep)
+            command = [sys.executable, __file__, *options.scenarios, "--drive", drive]
+            command += ["--json", file.name, *["--keep", str(options.keep)] * bool(options.keep)]
             codes.append(subprocess.run(command, check=False).returncode)
             verdicts += json.loads(Path(file.name).read_text() or "[]")
     if options.json:

@@ -66,13 +66,15 @@ class CampaignRequest:
     def candidates(self) -> list[CandidatePass]:
         """Return what could be tracked or scanned; ValueError where nothing could."""
         require_between("hours", self.hours, 0.01, 24.0 * 28.0)
-        scans = [one for name in self.scan for one in self._scans(replace(self.target, satellite=name))]
+        targets = (replace(self.target, satellite=name) for name in self.scan)
+        scans = [one for target in targets for one in self._scans(target)]
         tracked = self._passes() if self.beacons or self.target.location or not self.scan else []
         # What is scanned is not tracked.
         names = {one.name for one in scans}
         found = [*scans, *(one for one in tracked if one.name not in names)]
         if not found:
-            raise ValueError(f"no target rises above {math.degrees(self.rules.lowest_rad):.0f} deg in {self.hours:g} h")
+            lowest = f"{math.degrees(self.rules.lowest_rad):.0f} deg"
+            raise ValueError(f"no target rises above {lowest} in {self.hours:g} h")
         return found
 
     def _scans(self, target: Target) -> list[CandidatePass]:
@@ -81,13 +83,14 @@ class CampaignRequest:
         length_s = ScanProgram(request.program(self.start_s)).duration_s + SETTLING_S
         sigma_rad = SCAN_BEAMS * math.radians(self.station.beamwidth_deg) * math.sqrt(3.0)
         # Points are at whole spacings from the rise.
-        every_s = 0.5 * length_s * math.ceil(SCAN_EVERY_S / (0.5 * length_s))
-        rules = replace(self.rules, arcs_s=(length_s,), every_s=every_s, spacing_s=0.5 * length_s, sigma_rad=sigma_rad)
-        return self._arcs([target.found], rules)
+        step_s = 0.5 * length_s
+        every_s = step_s * math.ceil(SCAN_EVERY_S / step_s)
+        own = {"arcs_s": (length_s,), "every_s": every_s, "spacing_s": step_s, "sigma_rad": sigma_rad}
+        return self._arcs([target.found], replace(self.rules, **own))
 
     def _arcs(self, targets: Sequence[TargetSource], rules: ArcRules) -> list[CandidatePass]:
-        mount = self.station.controller.kinematics
-        found, refused = candidate_arcs(targets, self.station.site, self.start_s, self.hours * HOUR_S, rules, mount)
+        mount, site, span_s = self.station.controller.kinematics, self.station.site, self.hours * HOUR_S
+        found, refused = candidate_arcs(targets, site, self.start_s, span_s, rules, mount)
         for reason in refused:
             say(PROGRAM, f"left out: {reason}")
         return found
@@ -117,11 +120,11 @@ class CampaignRequest:
 
     def _item(self, one: CandidatePass) -> ScheduledPass:
         azimuth, elevation = one.track.sky_rad()
-        path = np.unwrap(azimuth)
+        path = np.unwrap(azimuth).tolist()
         return ScheduledPass(
             target=one.name, name=one.name, aos_t_s=one.start_t_s, los_t_s=one.end_t_s,
             scan=self.pattern if one.name in self.scan else "", peak_rad=float(np.max(elevation)),
-            azimuth_path_rad=(float(path[0]), float(np.min(path)), float(np.max(path)), float(path[-1])),
+            azimuth_path_rad=(path[0], min(path), max(path), path[-1]),
             elevation_rad=(float(elevation[0]), float(elevation[-1])),
         )  # fmt: skip
 
@@ -211,7 +214,8 @@ def request_with(
     """Return the request of the options."""
     sigma_rad = station.calibrator.sigma_rad if sigma is None else sigma * MDEG
     rules = ArcRules(arcs_s=tuple(arc), spacing_s=spacing, sigma_rad=sigma_rad)
-    return CampaignRequest(rules=rules, slew=Slew(settle_s=settle), station=station, scan=tuple(scan), **others)
+    own = {"rules": rules, "slew": Slew(settle_s=settle), "scan": tuple(scan)}
+    return CampaignRequest(station=station, **own, **others)
 
 
 request_from = partial(requested, arguments, request_with)
@@ -223,4 +227,5 @@ def main(argv: list[str] | None = None) -> None:
     with ending_with_reason(PROGRAM):
         request = request_from(argv)
         candidates = request.candidates()
-        sys.exit(advice(request, candidates) if request.improve or request.scan else campaign(request, candidates))
+        planned = advice if request.improve or request.scan else campaign
+        sys.exit(planned(request, candidates))

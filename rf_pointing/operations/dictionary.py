@@ -92,7 +92,8 @@ def read_tables(
     own = {file.stem: _of(file, lambda text: read_procedure(text, names)) for file in files}
     scan = _of(TABLES / "scan.yaml", lambda text: read_procedure(text, names))
     file = Path(recovery) if recovery else TABLES / "recovery.yaml"
-    return Tables(rows, chosen, scan, _of(file, lambda text: read_table(text, names, thresholds)), own)
+    table = _of(file, lambda text: read_table(text, names, thresholds))
+    return Tables(rows, chosen, scan, table, own)
 
 
 def _of(path: Path, read: Any) -> Any:

@@ -66,7 +66,8 @@ class Night:
 
     def __init__(
         self, schedule: Schedule, procedure: Procedure, table: RecoveryTable, send: Send, *,
-        quiet_s: float = 600.0, sensor: str = "auto", band: str = "", scan_procedure: Procedure | None = None,
+        quiet_s: float = 600.0, sensor: str = "auto", band: str = "",
+        scan_procedure: Procedure | None = None,
         least_share: float = LEAST_SHARE,
         notify: Callable[[str, Alarm], None] = lambda _event, _alarm: None,
         save: Callable[[], None] = lambda: None,

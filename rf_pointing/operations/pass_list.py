@@ -268,7 +268,8 @@ def _pass_of(number: int, row: Mapping[str, Any]) -> ScheduledPass:
                 math.radians(_number(row, "los_elevation_deg", 0.0)),
             ),
             antenna=_text(row, "antenna"), sensor=_text(row, "sensor"), band=_text(row, "band"),
-            element_age_s=3600.0 * _number(row, "element_age_h"), scan=_text(row, "scan"), filler=_flag(row, "filler"),
+            element_age_s=3600.0 * _number(row, "element_age_h"), scan=_text(row, "scan"),
+            filler=_flag(row, "filler"),
         )  # fmt: skip
     except KeyError as error:
         raise ValueError(f"row {number}: {error.args[0]} is missing") from None

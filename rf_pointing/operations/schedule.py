@@ -277,7 +277,9 @@ class Schedule:
         return (((low, self.limits.elevation_min_rad), (high, self.limits.elevation_min_rad)),)
 
     def _least_s(self, item: ScheduledPass) -> float:
-        return min(self.params.least_s, 0.5 * item.duration_s) if not item.scan else SCAN_SHARE * item.duration_s
+        if item.scan:
+            return SCAN_SHARE * item.duration_s
+        return min(self.params.least_s, 0.5 * item.duration_s)
 
     def _free(self, active: Entry, place: Pair, now_s: float) -> tuple[float, Pair]:
         """Return when and where the present pass leaves the antenna."""

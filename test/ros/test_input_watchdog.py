@@ -152,7 +152,7 @@ ALL_BUT = {each: "".join(f"{name} " for name in (OWN, *OTHERS) if name != each) 
 @pytest.mark.parametrize(
     ("says", "received", "deaf"),
     [
-        # The servo is silent here, and the others receive it, or one of two, or one that does not say so, or none.
+        # The servo is silent here, and the others receive it, or one of two, or none.
         ([RECEIVER, CALIBRATOR], ALL_BUT, f"nothing has been received from {SERVO} for 11 s, which others receive"),
         ([RECEIVER, CALIBRATOR], ALL_BUT | {RECEIVER: f"{OWN} "},
          f"nothing has been received from {SERVO} for 16 s, which others receive"),

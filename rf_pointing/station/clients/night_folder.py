@@ -137,9 +137,9 @@ class NightFolder:
         self.end_scan()
         folder = self.path / "passes" / name
         folder.mkdir(parents=True, exist_ok=True)
-        command = [_RUN.format("station"), "--namespace", f"/{antenna}", "scan", target, "--pattern", pattern,
-                   "--table", str(self.path / OFFSETS), "--output", str(folder)]  # fmt: skip
-        self._scan, self.scanned = _python(command, folder / "scan.txt"), name
+        command = [_RUN.format("station"), "--namespace", f"/{antenna}", "scan", target]
+        options = ["--pattern", pattern, "--table", str(self.path / OFFSETS), "--output", str(folder)]
+        self._scan, self.scanned = _python([*command, *options], folder / "scan.txt"), name
         return str(folder)
 
     @property
@@ -161,8 +161,8 @@ class NightFolder:
         table = self.path / OFFSETS
         data = [*self._bags(names), *([str(table)] if table.exists() else [])]
         if data:
-            command = [_BEHIND.format("fit_bias_model"), *data, "--output", str(self.path / MODEL), *further]
-            self._fitting = _python(command, self.path / "model.txt")
+            command = [_BEHIND.format("fit_bias_model"), *data, "--output", str(self.path / MODEL)]
+            self._fitting = _python([*command, *further], self.path / "model.txt")
 
     def fitted(self) -> tuple[str, bool]:
         """Return what came of the fit in words, once, and whether there is a model; "" before."""
@@ -171,10 +171,11 @@ class NightFolder:
         self._fitting = None
         if code:
             return f"no bias model of this night: {_last_word(self.path / 'model.txt')}", False
-        return f"bias model of this night: {self.path / MODEL}; what to know of it is in model.txt", True
+        return f"bias model of this night: {self.path / MODEL}; its doubts are in model.txt", True
 
     def _bags(self, names: Sequence[str]) -> list[str]:
-        return [str(each) for name in names for each in sorted((self.path / "passes" / name).glob("bag*"))]
+        folders = [self.path / "passes" / name for name in names]
+        return [str(each) for folder in folders for each in sorted(folder.glob("bag*"))]
 
     @property
     def refining(self) -> bool:
@@ -187,7 +188,8 @@ class NightFolder:
             return ""
         (_, folder, elements), self._refining = self._refining, None
         if code:
-            return f"elements not refined from passes up to {folder.name}: {_last_word(folder / 'orbit.txt')}"
+            last = _last_word(folder / "orbit.txt")
+            return f"elements not refined from passes up to {folder.name}: {last}"
         # One file for each satellite: the newest orbit has all passes of the night in it.
         text = (folder / "orbit.omm").read_text(encoding="utf-8")
         satellite = re.search(r"OBJECT_ID\s*=\s*(\S+)", text)

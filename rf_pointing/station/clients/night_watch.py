@@ -210,9 +210,10 @@ class NightWatch:
             return False
         self.folder.end_record()
         if self._own.model:
-            mine = [each.id for each in self.night.records if each.recorded and each.state == PassState.TRACKED]
+            done = [each for each in self.night.records if each.state == PassState.TRACKED]
             further = ["--elements", self._own.elements] * bool(self._own.elements)
-            self.folder.fit(mine, ["--station", str(self._station.path), "--band", self.night.band, *further])
+            place = ["--station", str(self._station.path), "--band", self.night.band]
+            self.folder.fit([each.id for each in done if each.recorded], [*place, *further])
         self._report = self.folder.write_morning(t_s, lambda folder: self._write_report(folder, self.alarms.healths))
         if self._report:
             self._tell(f"morning report {Path(self._report) / 'night.html'}", True)
