@@ -89,8 +89,9 @@ class CampaignRequest:
         return self._arcs([target.found], replace(self.rules, **own))
 
     def _arcs(self, targets: Sequence[TargetSource], rules: ArcRules) -> list[CandidatePass]:
-        mount, site, span_s = self.station.controller.kinematics, self.station.site, self.hours * HOUR_S
-        found, refused = candidate_arcs(targets, site, self.start_s, span_s, rules, mount)
+        station, span_s = self.station, self.hours * HOUR_S
+        mount = station.controller.kinematics
+        found, refused = candidate_arcs(targets, station.site, self.start_s, span_s, rules, mount)
         for reason in refused:
             say(PROGRAM, f"left out: {reason}")
         return found

@@ -9,10 +9,9 @@ antenna publishes /diagnostics once a second of wall time, so a node is deaf if
                                       publisher has just reported on /diagnostics that it is active,
                                       and not that it is silent and why
     its own periodic work             is not done for as long and two periods
-    a neighbour with its input        is silent for 10 s, and most of the others receive it in the
-                                      last 5 s of them; for 15 s where fewer do, or where it is
-                                      not even in the graph
-                                      (10 s more for what moves the antenna, which the other needs)
+    a neighbour with its input        is silent for 10 s and most of the others receive it; for 15 s
+                                      where fewer do, or it is not even in the graph; 10 s more
+                                      for what moves the antenna, where each needs the other
     most neighbours                   have not received this node for 10 s: it is mute; or one of
                                       them, whose topics it needs, and which needs none of its own
     a name in the graph               has been damaged for 5 s, and could be read before
@@ -48,7 +47,7 @@ RECEIVED_S, PROVED_S, BY_FEW_S = 5.0, 5.0, 10.0
 """A neighbour counts as received for so long after its last message; what most others have received
 all the time for longer, and this node has not, is lost here; or one other, for longer still."""
 FEWEST = 2
-MOVING = "pointing_controller", "antenna_servo"
+MOVING = "pointing_controller antenna_servo"
 SHARED_S = 0.9  # Nodes of a process look at the graph together: among many antennas a look is long.
 _shared = WeakKeyDictionary[Any, tuple[float, set[str]]]()
 OF_ALL = {TOPIC, "/rosout", "/parameter_events", "/clock"}
@@ -101,11 +100,6 @@ def _sender(payload: bytes) -> str:
             found, at = body[at + 4 : end], -(-end // 4) * 4
         return found[:-1].decode()
     return ""
-
-
-def _moves(name: str) -> int:
-    """Return how near a node is to the motion of the antenna."""
-    return MOVING.index(name.rpartition("/")[2]) if name.endswith(MOVING) else -1
 
 
 class InputWatchdog:
@@ -200,8 +194,7 @@ class InputWatchdog:
         silent = {name: each_s for name, each_s in since_s.items() if each_s > SILENCE_S}
         if len(silent) >= FEWEST and len(silent) == len(self._neighbours):
             self._end(f"nothing has been received from {', '.join(silent)} for {min(silent.values()):.0f} s")
-        if unseen_s:
-            # Others have not received a node that did not look, which proves nothing either.
+        if unseen_s:  # Others have not received it meanwhile, which proves nothing either.
             self._lost_s, self._mute_s = {}, {}
         self._compare(now_s, passed_s - unseen_s)
         for watched in self._inputs:
@@ -229,12 +222,12 @@ class InputWatchdog:
         self._lost_s = {name: self._lost_s.get(name, 0.0) + passed_s for name in takers}
         for name, long_s in self._lost_s.items():
             proved_s = PROVED_S if name in known and 2 * takers[name] > len(others) else BY_FEW_S
-            if _moves(self._own) > _moves(name) and self._passes(self._own, name):
-                # The other one needs this node as well, and stops nothing where it starts again.
-                proved_s += BY_FEW_S
+            nearer = MOVING.find(self._own.rpartition("/")[2]) > MOVING.find(name.rpartition("/")[2])
+            # The other one needs this node as well, and stops nothing where it starts again.
+            proved_s += BY_FEW_S * (nearer and self._passes(self._own, name))
             if long_s > proved_s and (name not in known or self._passes(name, self._own)):
-                long_s += RECEIVED_S
-                self._end(f"nothing has been received from {name} for {long_s:.0f} s, which others receive")
+                words = f"{name} for {long_s + RECEIVED_S:.0f} s, which others receive"
+                self._end(f"nothing has been received from {words}")
         # A node looks only at those below its own namespace: others never name this one.
         silent_to = {
             name for name, one in self._neighbours.items()
@@ -246,8 +239,7 @@ class InputWatchdog:
         passes = self._passes
         in_vain = [name for name in mute if passes(name, self._own) and not passes(self._own, name)]
         if len(others) >= FEWEST and (2 * len(mute) > len(others) or in_vain):
-            long_s = RECEIVED_S + PROVED_S
-            self._end(f"{', '.join(mute)} has not received this node for {long_s:.0f} s")
+            self._end(f"{', '.join(mute)} has not received this node for {RECEIVED_S + PROVED_S:.0f} s")
         # A stranger may have a name that never could be read: a new start would not help.
         damaged = TOPIC in self._node.damaged_topics
         self._readable |= not damaged

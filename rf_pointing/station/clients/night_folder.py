@@ -138,7 +138,8 @@ class NightFolder:
         folder = self.path / "passes" / name
         folder.mkdir(parents=True, exist_ok=True)
         command = [_RUN.format("station"), "--namespace", f"/{antenna}", "scan", target]
-        options = ["--pattern", pattern, "--table", str(self.path / OFFSETS), "--output", str(folder)]
+        table = str(self.path / OFFSETS)
+        options = ["--pattern", pattern, "--table", table, "--output", str(folder)]
         self._scan, self.scanned = _python([*command, *options], folder / "scan.txt"), name
         return str(folder)
 
