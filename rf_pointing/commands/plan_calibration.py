@@ -5,7 +5,7 @@ the sigma of these terms most, given the covariance of --model.  With --scan TAR
 and satellites are scanned, and what helps most is planned of scans and passes together:
 
     plan_calibration --station my_dish.yaml --start 2026-06-21T18:00:00 --hours 10 --count 25 \
-        --scan Sun Moon "Cassiopeia A" --schedule night.csv
+        --scan Moon "Cassiopeia A" --schedule night.csv
     station queue night.csv --start
 
 Exit code 0: planned, every sector filled; 1: planned, sectors stay thin; 2: refused.
@@ -69,13 +69,16 @@ class CampaignRequest:
         targets = (replace(self.target, satellite=name) for name in self.scan)
         scans = [one for target in targets for one in self._scans(target)]
         tracked = self._passes() if self.beacons or self.target.location or not self.scan else []
-        # What is scanned is not tracked.
-        names = {one.name for one in scans}
-        found = [*scans, *(one for one in tracked if one.name not in names)]
+        found = [*scans, *(one for one in tracked if one.name not in self._scanned)]
         if not found:
             lowest = f"{math.degrees(self.rules.lowest_rad):.0f} deg"
             raise ValueError(f"no target rises above {lowest} in {self.hours:g} h")
         return found
+
+    @property
+    def _scanned(self) -> set[str]:
+        # A satellite may be given by its number.
+        return {replace(self.target, satellite=name).name for name in self.scan}
 
     def _scans(self, target: Target) -> list[CandidatePass]:
         """Return the possible scans of a target: three points that weigh as one."""
@@ -124,7 +127,7 @@ class CampaignRequest:
         path = np.unwrap(azimuth).tolist()
         return ScheduledPass(
             target=one.name, name=one.name, aos_t_s=one.start_t_s, los_t_s=one.end_t_s,
-            scan=self.pattern if one.name in self.scan else "", peak_rad=float(np.max(elevation)),
+            scan=self.pattern if one.name in self._scanned else "", peak_rad=float(np.max(elevation)),
             azimuth_path_rad=(path[0], min(path), max(path), path[-1]),
             elevation_rad=(float(elevation[0]), float(elevation[-1])),
         )  # fmt: skip
