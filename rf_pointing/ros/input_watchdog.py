@@ -17,8 +17,9 @@ antenna publishes /diagnostics once a second of wall time, so a node is deaf if
     a name in the graph               has been damaged for 5 s, and could be read before
 
 A node that was killed leaves the graph after 20 s.  The silence of one neighbour alone proves
-nothing: it may work on something long.  So each node says on /diagnostics whom it receives.  Of two
-of which one does not receive the other, the one starts again that needs something of the other.
+nothing: it may work on something long.  So each node says on /diagnostics whom it receives, and
+compares it, from its tenth look on: on a busy machine nodes find each other slowly.  Of two of
+which one does not receive the other, the one starts again that needs something of the other.
 """
 
 import math
@@ -47,6 +48,8 @@ RECEIVED_S, PROVED_S, BY_FEW_S = 5.0, 5.0, 10.0
 """A neighbour counts as received for so long after its last message; what most others have received
 all the time for longer, and this node has not, is lost here; or one other, for longer still."""
 FEWEST = 2
+LOOK_S, NEW_LOOKS = 1.0, 10
+"""A look proves no more than its period: where looks come late, all else may be late, too."""
 MOVING = "pointing_controller antenna_servo"
 SHARED_S = 0.9  # Nodes of a process look at the graph together: among many antennas a look is long.
 _shared = WeakKeyDictionary[Any, tuple[float, set[str]]]()
@@ -111,6 +114,7 @@ class InputWatchdog:
         self._neighbours: dict[str, _Neighbour] = {}
         self._inputs, self._required = list[_Input](), dict[str, float]()
         self._looked: tuple[float, float] | None = None
+        self._looks = 0
         self._readable, self._unreadable_s = False, 0.0
         self._lost_s, self._mute_s = dict[str, float](), dict[str, float]()
         self.deaf = ""
@@ -183,7 +187,7 @@ class InputWatchdog:
         before_s, node_before_s = self._looked or (now_s, node_s)
         # Simulated time that begins has jumped, and not passed.
         passed_s, node_passed_s = now_s - before_s, node_s - (node_before_s or node_s)
-        self._looked = now_s, node_s
+        self._looked, self._looks = (now_s, node_s), self._looks + 1
         # While this node itself did not look, it proves nothing that nothing was taken.
         unseen_s = max(0.0, passed_s - RECENT_S)
         for one in self._neighbours.values():
@@ -196,7 +200,10 @@ class InputWatchdog:
             self._end(f"nothing has been received from {', '.join(silent)} for {min(silent.values()):.0f} s")
         if unseen_s:  # Others have not received it meanwhile, which proves nothing either.
             self._lost_s, self._mute_s = {}, {}
-        self._compare(now_s, passed_s - unseen_s)
+        proved_s = min(passed_s, LOOK_S)
+        if known := self._looks > NEW_LOOKS:
+            self._compare(now_s, proved_s)
+        self._read_names(proved_s)
         for watched in self._inputs:
             self._look_at(watched, passed_s - unseen_s, max(node_passed_s, 0.0))
         if self.deaf:
@@ -205,10 +212,10 @@ class InputWatchdog:
         since_s = {name: now_s - one.taken_s for name, one in self._neighbours.items()}
         received = [f"{name} " for name, silence_s in since_s.items() if silence_s < RECEIVED_S]
         values = {"received": "".join(received)}
-        return Health(WARN if words else OK, words or f"{len(self._neighbours)} neighbours", values)
+        return Health(WARN if words else OK, words or f"{len(self._neighbours)} neighbours", values if known else {})
 
     def _compare(self, now_s: float, passed_s: float) -> None:
-        """Compare with whom the neighbours receive, and note how long the graph cannot be read."""
+        """Compare with whom the neighbours receive."""
         recent = [one for one in self._neighbours.values() if now_s - one.heard_s < RECENT_S]
         others = [one.received for one in recent if one.received is not None]
         before_s, known = now_s - RECEIVED_S, self._neighbours
@@ -240,6 +247,9 @@ class InputWatchdog:
         in_vain = [name for name in mute if passes(name, self._own) and not passes(self._own, name)]
         if len(others) >= FEWEST and (2 * len(mute) > len(others) or in_vain):
             self._end(f"{', '.join(mute)} has not received this node for {RECEIVED_S + PROVED_S:.0f} s")
+
+    def _read_names(self, passed_s: float) -> None:
+        """Note how long the graph cannot be read."""
         # A stranger may have a name that never could be read: a new start would not help.
         damaged = TOPIC in self._node.damaged_topics
         self._readable |= not damaged

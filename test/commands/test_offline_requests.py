@@ -72,7 +72,8 @@ def test_scans_and_passes_that_help_most_become_a_schedule_of_the_executive(tmp_
     request = plan_calibration.request_from([*satellites.split(), *line.split(), "Moon", "Cassiopeia A"])
     assert {one.name for one in request.candidates()} == {"Moon", "Cassiopeia A", cbers.name}
     assert plan_calibration.advice(request, request.candidates()) == 0
-    assert len(planned := read_passes(file.read_text())) == 4
+    planned = read_passes(file.read_text())
+    assert len(planned) == 4
     assert all(one.scan == ("" if one.target == cbers.name else "cross") for one in planned)
     for before, after in itertools.pairwise(planned):
         assert after.aos_t_s > before.los_t_s + request.slew.settle_s

@@ -178,6 +178,26 @@ def test_nodes_that_compare_whom_they_receive_find_the_one_that_starts_again(
     assert graph.watchdog.deaf == deaf
 
 
+def test_nodes_that_are_new_find_each_other_slowly_and_prove_nothing() -> None:
+    graph = Graph()
+    graph.run(9, says=[RECEIVER, CALIBRATOR], received=dict.fromkeys(OTHERS, f"{SERVO} "))
+    assert "received" not in graph.watchdog.look().values
+    graph.run(9, received=ALL_BUT, says=list(OTHERS))
+    assert graph.watchdog.deaf == ""
+
+
+def test_a_look_that_comes_late_proves_no_more_than_one_in_time() -> None:
+    """Of a machine on which each second of work takes three."""
+    graph, late = Graph(), {"says": [RECEIVER, CALIBRATOR], "received": ALL_BUT}
+    graph.run(15)
+    for _ in range(6):
+        graph.t_s += 1.9
+        graph.run(1, **late)
+    assert graph.watchdog.deaf == ""
+    graph.run(4)
+    assert graph.watchdog.deaf.startswith(f"nothing has been received from {SERVO} for ")
+
+
 def test_nodes_of_a_namespace_below_never_name_this_one() -> None:
     below = tuple(f"/gs1/{site}/receiver" for site in ("usingen", "kourou", "weilheim"))
     graph = Graph(below)

@@ -108,8 +108,8 @@ def test_every_topic_of_the_table_waits_for_its_publisher(make_node: Callable[..
     recorder = Recorder(make_node("listener"), "/gs8", tmp_path / "bag")
     # A station without an executive is whole.
     every = len([topic for topic in TOPICS if topic.publisher != EXECUTIVE])
-    # Publishers of a test before are in the graph for a moment more.
-    deadline_s = time.monotonic() + 10.0
+    # Publishers of a test before, one that was killed too, are in the graph for a while.
+    deadline_s = time.monotonic() + 30.0
     while len(recorder.unmatched()) < every and time.monotonic() < deadline_s:
         time.sleep(0.05)
     assert len(recorder.unmatched()) == every
