@@ -13,25 +13,17 @@ from numpy.typing import ArrayLike
 
 from rf_pointing.core import LEVEL, Array, BoolArray, IntArray, Kinematics, as_finite_array
 from rf_pointing.core.hermite import quintic_coefficients
+from rf_pointing.core.target_motion import TargetMotion
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ReferenceTrack:
-    """True motion of the target over the station, arrays (n,) at rising `t_s`, azimuth continuous.
+class ReferenceTrack(TargetMotion):
+    """True motion of the target over the station, arrays (n,) at rising `t_s`.
 
     Angles of another `mount` are those of its axes (`on`).  Raises ValueError for unequal lengths,
     values that are not finite and times that do not increase.
     """
 
-    t_s: Array
-    azimuth_rad: Array
-    elevation_rad: Array
-    azimuth_rate_rad_s: Array
-    elevation_rate_rad_s: Array
-    azimuth_acceleration_rad_s2: Array
-    elevation_acceleration_rad_s2: Array
-    range_m: Array
-    range_rate_m_s: Array
     mount: Kinematics = LEVEL
 
     def __post_init__(self) -> None:
@@ -111,7 +103,7 @@ class ReferenceTrack:
         }
 
 
-COLUMNS = tuple(item.name for item in fields(ReferenceTrack) if item.name != "mount")
+COLUMNS = tuple(item.name for item in fields(TargetMotion))
 """Names of the columns of a track."""
 
 

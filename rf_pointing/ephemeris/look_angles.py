@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 
 from rf_pointing.core import SPEED_OF_LIGHT_M_S, Array
+from rf_pointing.core.target_motion import TargetMotion
 from rf_pointing.ephemeris.state_vector import StateVector, Vector, combined, cross, dot, norm, root
 
 Unit = tuple[Vector, Vector, Vector]
@@ -140,22 +141,13 @@ _LEAST_HORIZONTAL_M = 1e-3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LookAngles:
-    """Where a target is on the sky at `t_s`, all (n,); azimuth is continuous along the array.
+class LookAngles(TargetMotion):
+    """Where a target is on the sky.
 
     Elevation is apparent (refraction included), `true_elevation_rad` is without refraction.
     `satellite_gain_db` is that of the target's antenna towards the site, against its axis.
     """
 
-    t_s: Array
-    azimuth_rad: Array
-    elevation_rad: Array
-    azimuth_rate_rad_s: Array
-    elevation_rate_rad_s: Array
-    azimuth_acceleration_rad_s2: Array
-    elevation_acceleration_rad_s2: Array
-    range_m: Array
-    range_rate_m_s: Array
     true_elevation_rad: Array
     satellite_gain_db: Array
 

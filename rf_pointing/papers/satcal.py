@@ -13,6 +13,7 @@ import numpy as np
 
 from rf_pointing.calibration import Observations, terms_by_name
 from rf_pointing.core import random_stream
+from rf_pointing.core.target_motion import TargetMotion
 from rf_pointing.core.types import Array
 from rf_pointing.papers.row import Row, near
 from rf_pointing.papers.satcal_campaign import (
@@ -31,7 +32,7 @@ from rf_pointing.papers.satcal_campaign import (
     points_of,
     sky_filling_points,
 )
-from rf_pointing.papers.satcal_looks import Look, look
+from rf_pointing.papers.satcal_looks import look
 from rf_pointing.papers.satcal_motion import Gravity, measured, propagate
 from rf_pointing.papers.satcal_orbit import (
     BatchCheck,
@@ -238,7 +239,7 @@ def _mauritius_points() -> Observations:
     )
 
 
-def _radar_passes() -> list[Look]:
+def _radar_passes() -> list[TargetMotion]:
     site, gravity = SITES["Sriharikota"], Gravity()
     t_s = APRIL_T_S + np.arange(0.0, 2.5 * 86400.0, 10.0)
     # Passes of the integrated orbit: a plan by mean elements is minutes off after two days, and
@@ -294,7 +295,7 @@ def _preliminary_rows(seed: int, mauritius: Runs, runs: int) -> list[Row]:
     ]  # fmt: skip
 
 
-def _batch_rows(seed: int, radars: dict[str, Runs], passes: Sequence[Look]) -> list[Row]:
+def _batch_rows(seed: int, radars: dict[str, Runs], passes: Sequence[TargetMotion]) -> list[Row]:
     planted = {name: model_of(table) for name, table in PCMC_DEG.items()}
     fitted = {name: runs.first.model for name, runs in radars.items()}
     check = batch_check(planted, fitted, passes, 23.517, random_stream(seed, "satcal batch orbit"))

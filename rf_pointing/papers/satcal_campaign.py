@@ -24,8 +24,9 @@ from rf_pointing.calibration import (
     select_observations,
 )
 from rf_pointing.calibration.pass_errors import shift_by
+from rf_pointing.core.target_motion import TargetMotion
 from rf_pointing.core.types import Array
-from rf_pointing.papers.satcal_looks import Look, visits
+from rf_pointing.papers.satcal_looks import visits
 from rf_pointing.papers.satcal_motion import Elements, Gravity, Site
 
 MAURITIUS_DEG = {
@@ -131,7 +132,7 @@ def model_of(table_deg: dict[str, float]) -> BiasModel:
 MAURITIUS = model_of(MAURITIUS_DEG)
 
 
-def points_of(passes: Sequence[Look], sigma_rad: float) -> Observations:
+def points_of(passes: Sequence[TargetMotion], sigma_rad: float) -> Observations:
     """Return noise-free, unbiased points of passes, 80 deg of elevation and below."""
     parts = []
     for number, seen in enumerate(passes):

@@ -6,7 +6,6 @@ numerically and exact.
 """
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,6 +13,7 @@ from numpy.typing import ArrayLike
 from rf_pointing.calibration import taylor
 from rf_pointing.core import require_between
 from rf_pointing.core.constants import EARTH_MU_M3_S2, EARTH_RADIUS_M
+from rf_pointing.core.target_motion import TargetMotion
 from rf_pointing.core.types import TURN, Array
 from rf_pointing.orbit.forces import EARTH_RATE_RAD_S
 from rf_pointing.orbit.motion import propagate_together
@@ -23,32 +23,14 @@ _SEARCH_STEP_S = 30.0
 _HALF_WINDOW_S = 900.0
 
 
-@dataclass(frozen=True, eq=False)
-class Look:
-    """A satellite seen from a station at `t_s`, every array (n,).
-
-    Azimuth is continuous along the samples.
-    """
-
-    t_s: Array
-    azimuth_rad: Array
-    elevation_rad: Array
-    azimuth_rate_rad_s: Array
-    elevation_rate_rad_s: Array
-    azimuth_acceleration_rad_s2: Array
-    elevation_acceleration_rad_s2: Array
-    range_m: Array
-    range_rate_m_s: Array
-
-
-def look(t_s: ArrayLike, states: Array, site: Site, gravity: Gravity) -> Look:
+def look(t_s: ArrayLike, states: Array, site: Site, gravity: Gravity) -> TargetMotion:
     """Return the angles with exact rates and accelerations of inertial states (n, 6)."""
     times = np.asarray(t_s, dtype=np.float64)
     east, north, up = np.moveaxis(_topocentric_series(times, states, site, gravity), -1, 0)
     ground = taylor.square_root(taylor.multiply(east, east) + taylor.multiply(north, north))
     distance = taylor.square_root(taylor.multiply(ground, ground) + taylor.multiply(up, up))
     azimuth, elevation = taylor.angle_of(east, north), taylor.angle_of(up, ground)
-    return Look(
+    return TargetMotion(
         t_s=times,
         # Continuous, as a joint is: fits of rates must not see a jump of a turn.
         azimuth_rad=np.unwrap(azimuth[0]),
@@ -105,7 +87,7 @@ def visits(
     *,
     step_s: float,
     lowest_rad: float,
-) -> list[Look]:
+) -> list[TargetMotion]:
     """Return the passes above `lowest_rad` within `days` of the epoch, sampled every `step_s`, in
     order of time.
     """

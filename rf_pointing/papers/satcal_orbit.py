@@ -7,10 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from rf_pointing.calibration import BiasModel
+from rf_pointing.core.target_motion import TargetMotion
 from rf_pointing.core.types import Array
 from rf_pointing.papers.satcal_batch import Arc, OrbitResult, fit_orbit, preliminary_orbit, times_of
 from rf_pointing.papers.satcal_campaign import APRIL_T_S, INJECTION_T_S, IRS_P3, IRS_P3_APRIL, SITES
-from rf_pointing.papers.satcal_looks import Look, look
+from rf_pointing.papers.satcal_looks import look
 from rf_pointing.papers.satcal_motion import Elements, Gravity, Site, measured, propagate
 
 _GRAVITY = Gravity()
@@ -100,7 +101,7 @@ class BatchCheck:
 def batch_check(
     planted: dict[str, BiasModel],
     fitted: dict[str, BiasModel],
-    radar_passes: Sequence[Look],
+    radar_passes: Sequence[TargetMotion],
     target_shift_m: float,
     random: np.random.Generator,
 ) -> BatchCheck:
@@ -156,13 +157,13 @@ def _network_arcs(random: np.random.Generator) -> list[Arc]:
     return arcs
 
 
-def _offsets(passes: Sequence[Look], model: BiasModel) -> Array:
+def _offsets(passes: Sequence[TargetMotion], model: BiasModel) -> Array:
     """Return the bias of azimuth and elevation (2, n) along all passes."""
     return np.concatenate([np.stack(model.offset_rad(*_motion(seen))) for seen in passes], axis=1)
 
 
 def _radar_arcs(
-    passes: Sequence[Look], left_over: dict[str, Array], noise: Array, sigma_rad: float
+    passes: Sequence[TargetMotion], left_over: dict[str, Array], noise: Array, sigma_rad: float
 ) -> list[Arc]:
     times = np.concatenate([seen.t_s for seen in passes])
     true = [
@@ -199,7 +200,7 @@ def _weight_for(
     return math.exp(0.5 * (low + high))
 
 
-def _motion(seen: Look) -> tuple[Array, Array, Array, Array, Array, Array]:
+def _motion(seen: TargetMotion) -> tuple[Array, Array, Array, Array, Array, Array]:
     return (
         seen.azimuth_rad,
         seen.elevation_rad,

@@ -62,6 +62,11 @@ class ElementOrbit:
         )
 
 
+def scene_params(orbit: Params) -> dict[str, Params]:
+    """Return the parameters of a scene by their prefix; `orbit` where no satellite is named."""
+    return {"orbit": orbit, "stations": GroundNetworkParams(), "scene": PassSceneParams()}
+
+
 def pass_scene(
     params: PassSceneParams, orbit: Orbit, network: GroundNetworkParams
 ) -> tuple[Orbit, list[GroundPlace]]:

@@ -10,10 +10,9 @@ satellite.*, filter.*, start.*, noise.*, gate.*, watch.*, chain.*.
 from geometry_msgs.msg import TwistWithCovarianceStamped
 from rf_pointing_msgs.msg import ArraySnapshots, Attitude, KnownTorque
 
-from rf_pointing.array_sensors.attitude.ground_stations import GroundNetworkParams
 from rf_pointing.array_sensors.attitude.multiplicative_filter import GateParams, ProcessNoiseParams
 from rf_pointing.array_sensors.attitude.orbits import SunSynchronousOrbitParams
-from rf_pointing.array_sensors.attitude.pass_scene import PassSceneParams, pass_scene
+from rf_pointing.array_sensors.attitude.pass_scene import pass_scene, scene_params
 from rf_pointing.array_sensors.attitude.rigid_body import SatelliteParams
 from rf_pointing.array_sensors.doa.array import CircularArrayParams, ResponseParams
 from rf_pointing.array_sensors.doa.attitude_chain import (
@@ -46,12 +45,7 @@ class DoaAttitudeNode(ManagedNode):
             "estimator": DoaEstimatorParams(),
             "response": ResponseParams(),
         }
-        scene = {
-            "orbit": SunSynchronousOrbitParams(),
-            "stations": GroundNetworkParams(),
-            "scene": PassSceneParams(),
-            "satellite": SatelliteParams(),
-        }
+        scene = {**scene_params(SunSynchronousOrbitParams()), "satellite": SatelliteParams()}
         tuning = {
             "filter": DoaAttitudeParams(),
             "start": StartParams(),

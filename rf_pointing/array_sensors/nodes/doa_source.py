@@ -13,10 +13,9 @@ from dataclasses import dataclass
 from geometry_msgs.msg import QuaternionStamped, Vector3Stamped
 from rf_pointing_msgs.msg import ArraySnapshots, KnownTorque
 
-from rf_pointing.array_sensors.attitude.ground_stations import GroundNetworkParams
 from rf_pointing.array_sensors.attitude.multiplicative_filter import ProcessNoiseParams
 from rf_pointing.array_sensors.attitude.orbits import SunSynchronousOrbitParams
-from rf_pointing.array_sensors.attitude.pass_scene import PassSceneParams, pass_scene
+from rf_pointing.array_sensors.attitude.pass_scene import pass_scene, scene_params
 from rf_pointing.array_sensors.attitude.rigid_body import SatelliteParams
 from rf_pointing.array_sensors.doa.array import CircularArrayParams, ResponseParams
 from rf_pointing.array_sensors.doa.array_source import ArraySourceParams
@@ -48,12 +47,7 @@ class DoaSource(ManagedNode):
             "receiver": ArraySourceParams(),
             "response": ResponseParams(),
         }
-        scene = {
-            "orbit": SunSynchronousOrbitParams(),
-            "stations": GroundNetworkParams(),
-            "scene": PassSceneParams(),
-            "satellite": SatelliteParams(),
-        }
+        scene = {**scene_params(SunSynchronousOrbitParams()), "satellite": SatelliteParams()}
         truth = {
             "scenario": DoaScenarioParams(),
             "hold": NadirHoldParams(),

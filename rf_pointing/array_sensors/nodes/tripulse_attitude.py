@@ -7,8 +7,7 @@ Parameters: attitude.*, epochs.*, orbit.*, stations.*, scene.*.
 
 from rf_pointing_msgs.msg import Attitude, TripulseMeasurement
 
-from rf_pointing.array_sensors.attitude.ground_stations import GroundNetworkParams
-from rf_pointing.array_sensors.attitude.pass_scene import PassSceneParams, pass_scene
+from rf_pointing.array_sensors.attitude.pass_scene import pass_scene, scene_params
 from rf_pointing.array_sensors.nodes import convert
 from rf_pointing.array_sensors.nodes.input_outcomes import InputOutcomes
 from rf_pointing.array_sensors.tripulse.geostationary_scene import GeostationaryParams
@@ -24,15 +23,10 @@ class TripulseAttitudeNode(ManagedNode):
 
     def __init__(self) -> None:
         super().__init__("tripulse_attitude")
-        scene = {
-            "orbit": GeostationaryParams(),
-            "stations": GroundNetworkParams(),
-            "scene": PassSceneParams(),
-        }
         for prefix, defaults in {
             "attitude": StationAttitudeParams(),
             "epochs": EpochParams(),
-            **scene,
+            **scene_params(GeostationaryParams()),
         }.items():
             self.parameters.declare(prefix, defaults)
         self._solver: TripulseAttitude | None = None

@@ -11,8 +11,7 @@ from dataclasses import dataclass
 from geometry_msgs.msg import QuaternionStamped
 from rf_pointing_msgs.msg import TripulseFrame
 
-from rf_pointing.array_sensors.attitude.ground_stations import GroundNetworkParams
-from rf_pointing.array_sensors.attitude.pass_scene import PassSceneParams, pass_scene
+from rf_pointing.array_sensors.attitude.pass_scene import pass_scene, scene_params
 from rf_pointing.array_sensors.nodes import convert
 from rf_pointing.array_sensors.nodes.input_outcomes import InputOutcomes
 from rf_pointing.array_sensors.tripulse.array import TripulseArrayParams
@@ -47,15 +46,10 @@ class TripulseSourceNode(ManagedNode):
             "signal": TripulseSignalParams(),
             "link": TripulseSourceParams(),
         }
-        scene = {
-            "orbit": GeostationaryParams(),
-            "stations": GroundNetworkParams(),
-            "scene": PassSceneParams(),
-        }
         for prefix, defaults in {
             "source": SendingParams(),
             **groups,
-            **scene,
+            **scene_params(GeostationaryParams()),
             "wobble": WobbleParams(),
         }.items():
             self.parameters.declare(prefix, defaults)
