@@ -12,6 +12,7 @@ tried.
 """
 
 import argparse
+import itertools
 import json
 import math
 import os
@@ -33,7 +34,6 @@ from typing import Any, NamedTuple
 import rclpy
 import requests
 from ament_index_python.packages import get_package_prefix
-from diagnostic_msgs.msg import DiagnosticStatus
 from live_stalls import built
 from rcl_interfaces.msg import Parameter, ParameterDescriptor, ParameterType, ParameterValue
 from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters, SetParametersAtomically
@@ -62,7 +62,9 @@ FIRST_S, EVERY_S, PASSES = 200.0, 240.0, 12
 """From the start to the first culmination, and from one to the next; each is above 5 deg for 8 min."""
 TOKEN = "the-token-of-the-attacks"
 PAGE = "http://127.0.0.1"
-ON_SOURCE_DEG, AGAIN_S = 1.0, 2.5
+ON_SOURCE_DEG, AGAIN_S, REGAINED_S = 1.0, 2.5, 120.0
+SPOIL = "strange_datagrams", "damaged_datagrams"
+"""After these the attacker has left the graph."""
 
 
 class Measured(NamedTuple):
@@ -100,17 +102,11 @@ def scenario(bound: float) -> Callable[[Callable[["Attacked"], Measured]], Calla
 
 
 class Attacked(Station):
-    """A station with everything that listens, behind a library that spoils its network and its clock.
-
-    While `restarts`, nodes that have ended start again, as a launch file lets them: `restarted` are their words.
-    """
-
-    restarts = False
+    """A station with everything that listens, behind a library that spoils its network and its clock."""
 
     def __init__(self, ends: ExitStack, folder: Path, drive: str) -> None:
         self.drive = drive
         self.page_port, self.server_port = free_port(), free_port()
-        self.restarted = list[str]()
         (folder / "token").write_text(TOKEN)
         (folder / "token").chmod(0o600)
         self.disk = folder / "disk"
@@ -141,17 +137,6 @@ class Attacked(Station):
         self.clock_s = self.clock_s if ahead_s is None else ahead_s
         with self._spoilt.open("r+b" if self._spoilt.exists() else "wb") as file:
             file.write(struct.pack("4d", lost, damaged, self.clock_s, copied))
-
-    def spin_once(self) -> None:
-        super().spin_once()
-        if self.restarts:
-            self.restarted += died(self)
-
-    def whole(self) -> bool:
-        """Return whether each node says on /diagnostics that it receives every other one."""
-        said = [self.health.get(f"{name}: hearing", DiagnosticStatus()) for name in self.nodes]
-        received = ["".join(v.value for v in one.values if v.key == "received") for one in said]
-        return all(len(names.split()) == len(self.nodes) - 1 for names in received)
 
     @property
     def overhead(self) -> str:
@@ -220,9 +205,6 @@ class Attacked(Station):
             if not self.tracking.target and time.monotonic() - self.tracking_s < 1.0:
                 # A client whose goal has ended, or has no answer, sends it again.
                 with suppress(TimeoutError):
-                    # As the executive does by its recovery table.
-                    if self.restarts and self.antenna.fault:
-                        self.call("antenna_servo/reset_fault")
                     self.goal(name, AGAIN_S)
             on = self.now_off_deg(name) < ON_SOURCE_DEG
             since_s = min(since_s, time.monotonic()) if on else math.inf
@@ -456,6 +438,9 @@ def died(station: Attacked) -> list[str]:
              for name, code in station.processes.ended().items()]  # fmt: skip
     for name in list(station.processes.ended()):
         station.start([name])
+    if (code := station.device.process.poll()) is not None:
+        ended.append(f"device ended with {code}")
+        station.device.start()
     return ended
 
 
@@ -598,14 +583,17 @@ def damaged_datagrams(station: Attacked) -> Measured:
 
 
 def spoilt_pass(station: Attacked, **shares: float) -> Measured:
-    """Spoil the network for 30 s of a pass; measure for how long the axes are off after it."""
-    name, random_ = station.track(), random.Random(1)
+    """Spoil the network for 30 s of a pass of the executive; measure for how long the axes are off after it.
+
+    The device itself says where they are: whoever receives what was damaged may hang in DDS for good.
+    """
+    name, random_ = begin_night(station), random.Random(1)
     first = 7400 + 250 * int(os.environ["ROS_DOMAIN_ID"])
     ports = [first, first + 1, *(first + 10 + 2 * number + kind for number in range(12) for kind in (0, 1))]
-    sent = 0
+    sent, ended = 0, list[str]()
     station.leave()
     station.spoil(**shares)
-    ended, end_s = list[str](), time.monotonic() + 30.0
+    end_s = time.monotonic() + 30.0
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
         while time.monotonic() < end_s:
             for port in ports:
@@ -616,22 +604,21 @@ def spoilt_pass(station: Attacked, **shares: float) -> Measured:
             ended += died(station)
             time.sleep(0.1)
     station.spoil()
-    begun_s, station.restarts = time.monotonic(), True
-    station.health.clear()
-    station.listen()
-    try:
-        station.regained_s(name)
-        off = time.monotonic() - begun_s - 2.0
-        # The next scenario begins with a whole graph; the attacker itself may be of a broken pair.
-        with suppress(TimeoutError):
-            station.until(station.whole, "nodes that all receive each other")
-    finally:
-        station.restarts, ended = False, ended + station.restarted
+    begun_s, since_s = time.monotonic(), math.inf
+    while time.monotonic() - since_s < 2.0:
+        ended += died(station)
+        time.sleep(0.1)
+        place = time.time(), *station.device.place_deg()
+        on = station.off_deg(name, place) < ON_SOURCE_DEG
+        since_s = min(since_s, time.monotonic()) if on else math.inf
+        if time.monotonic() - begun_s > REGAINED_S:
+            raise TimeoutError(f"{name} not tracked again: {place[1:]}; {'; '.join(ended)}")
     # A node that has gone deaf ends by itself, or is ended where it hangs in DDS; nothing else may.
     hung = [name for name in station.nodes if "Timeout (0:" in station.processes.log(name).read_text(errors="replace")]
     by_itself = f"ended with {DEAF}", f"ended with {-signal.SIGPROF}"
     dead = [each for each in ended if not any(map(each.count, by_itself)) and each.split()[0] not in hung]
-    return Measured(math.inf if dead else off, "s off the satellite", "; ".join([f"{sent} of noise", *ended]))
+    words = "; ".join([f"{sent} of noise", *ended])
+    return Measured(math.inf if dead else since_s - begun_s, "s off the satellite", words)
 
 
 def begin_night(station: Attacked) -> str:
@@ -769,12 +756,12 @@ def attack(drive: str, names: list[str], keep: Path | None) -> list[Verdict]:
     return verdicts
 
 
-def each_alone(options: argparse.Namespace) -> list[int]:
-    """Attack each drive from a process of its own: one that took damaged datagrams may be spoilt."""
+def each_alone(options: argparse.Namespace, runs: list[tuple[str, list[str]]]) -> list[int]:
+    """Attack each drive from a process of its own, and from another one where the network is spoilt."""
     codes, verdicts = list[int](), list[Any]()
-    for drive in options.drive:
+    for drive, group in runs:
         with tempfile.NamedTemporaryFile(suffix=".json") as file:
-            command = [sys.executable, __file__, *options.scenarios, "--drive", drive]
+            command = [sys.executable, __file__, *group, "--drive", drive]
             command += ["--json", file.name, *["--keep", str(options.keep)] * bool(options.keep)]
             codes.append(subprocess.run(command, check=False).returncode)
             verdicts += json.loads(Path(file.name).read_text() or "[]")
@@ -794,8 +781,11 @@ def main() -> int:
     options = parser.parse_args()
     if unknown := [name for name in options.scenarios if name not in SCENARIOS]:
         parser.error(f"{unknown[0]} must be one of {', '.join(SCENARIOS)}")
-    if len(options.drive) > 1:
-        return int(any(each_alone(options)))
+    names = options.scenarios or list(SCENARIOS)
+    groups = [[each for each in names if each not in SPOIL], *([each] for each in names if each in SPOIL)]
+    runs = list(itertools.product(options.drive, filter(None, groups)))
+    if len(runs) > 1:
+        return int(any(each_alone(options, runs)))
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(2))
     os.environ |= {"ROS_DOMAIN_ID": str(random.randrange(1, 100)), "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4"}
     # The delays of the attacker on a busy computer are not the station's; its children begin as usual.
@@ -808,7 +798,6 @@ def main() -> int:
             with ExitStack() as ends:
                 folder = ends.enter_context(tempfile.TemporaryDirectory(prefix="attack"))
                 return second_executive(ends, Path(folder), options.drive[0], *options.inside)
-        names = options.scenarios or list(SCENARIOS)
         verdicts = [row for drive in options.drive for row in attack(drive, names, options.keep)]
     finally:
         rclpy.try_shutdown()

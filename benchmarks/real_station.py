@@ -113,6 +113,15 @@ class Device:
             os.sched_setscheduler(self.process.pid, os.SCHED_FIFO, os.sched_param(DEVICE_PRIORITY))
         self.ready()
 
+    def place_deg(self) -> tuple[float, float]:
+        """Return azimuth and elevation of the device, where it keeps them."""
+        for _ in range(20):
+            # One that writes them just now is read again.
+            with suppress(OSError, ValueError):
+                return tuple(map(math.degrees, json.loads((self._folder / "axes.json").read_text())))
+            time.sleep(0.01)
+        raise TimeoutError("the device keeps no place")
+
     def signal(self, sign: int) -> None:
         """Stop the device (SIGSTOP) or let it go on (SIGCONT)."""
         self.process.send_signal(sign)
@@ -142,6 +151,12 @@ class Rotctld(Device):
             time.sleep(0.02)
         raise TimeoutError("rotctld does not listen")
 
+    def place_deg(self) -> tuple[float, float]:
+        with socket.create_connection(("127.0.0.1", self.port), 2.0) as client:
+            client.sendall(b"p\n")
+            answer = client.makefile()
+            return float(answer.readline()), float(answer.readline())
+
 
 class Pty(Device):
     """An Easycomm controller behind a name that leads to its pseudo terminal."""
@@ -149,7 +164,7 @@ class Pty(Device):
     resolution_deg = 0.1
     home_deg = 0.0, 30.0
     PROGRAM = (
-        "import sys, time, math, test; test.__path__ = [sys.argv[1]]\n"
+        "import json, pathlib, sys, time, math, test; test.__path__ = [sys.argv[1]]\n"
         "from rf_pointing.drives import RotatorModel\n"
         "from test.drives.simulators import MODEL, Easycomm\n"
         "class Controller(Easycomm):\n"
@@ -162,7 +177,9 @@ class Pty(Device):
         "params = MODEL.replace(travel_min_rad=low, travel_max_rad=high)\n"
         "device.model = RotatorModel(params, step, (0.0, math.radians(30.0)))\n"
         "print(device.device, flush=True)\n"
+        "axes = pathlib.Path(sys.argv[2])\n"
         "while True:\n    device.step(time.monotonic())\n    time.sleep(0.005)\n"
+        "    axes.write_text(json.dumps(device.model.position_rad))\n"
     )
     """The simulators belong to the tests, whose folder Python's own package `test` hides.
 
@@ -174,7 +191,7 @@ class Pty(Device):
         self.drive = f"{{type: easycomm, link: {{device: {self.name}}}}}"
 
     def line(self) -> list[str]:
-        return [sys.executable, "-c", self.PROGRAM, str(ROOT / "test")]
+        return [sys.executable, "-c", self.PROGRAM, str(ROOT / "test"), str(self._folder / "axes.json")]
 
     def ready(self) -> None:
         assert self.process.stdout is not None
@@ -188,19 +205,25 @@ class Topic(Device):
     drive = "{type: topic, model: position, rotator: {latency_s: 0.05}}"
     home_deg = 0.0, math.degrees(0.5)
     PROGRAM = (
-        "import sys, rclpy; sys.path.insert(0, sys.argv.pop(1))\n"
+        "import json, pathlib, sys, rclpy; sys.path.insert(0, sys.argv.pop(1))\n"
         "from topic_drive_node import Driver\n"
+        "from rf_pointing.ros.main_loop import spin_watched\n"
+        "place = pathlib.Path(sys.argv.pop(1))\n"
         "rclpy.init(args=sys.argv)\n"
         "driver = Driver()\n"
-        "while True:\n"
-        "    try:\n        rclpy.spin_once(driver)\n"
-        "    except (ValueError, RuntimeError):\n        pass\n"
+        "if place.exists():\n    driver.axes.update(zip(driver.axes, json.loads(place.read_text())))\n"
+        "driver.create_timer(0.1, lambda: place.write_text(json.dumps([*driver.axes.values()])))\n"
+        "spin_watched(driver)\n"
     )
-    """The example, going on after messages that were damaged on their way."""
+    """The example, with encoders that keep their place when it is started again."""
 
     def line(self) -> list[str]:
-        arguments = ["--ros-args", "-r", f"__ns:={self._namespace}"]
+        arguments = [str(self._folder / "axes.json"), "--ros-args", "-r", f"__ns:={self._namespace}"]
         return [sys.executable, "-c", self.PROGRAM, str(ROOT / "examples"), *arguments]
+
+    def kill(self) -> None:
+        super().kill()
+        (self._folder / "axes.json").unlink(missing_ok=True)
 
 
 DEVICES: dict[str, type[Device]] = {"rotctld": Rotctld, "pty": Pty, "topic": Topic}

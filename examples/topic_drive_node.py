@@ -5,8 +5,9 @@ Start it in the antenna's namespace, and then check what the control unit relies
     python3 examples/topic_drive_node.py --ros-args -r __ns:=/gs1
     scripts/run check_drive --station my_dish.yaml --namespace /gs1 --move
 
-Replace `advance` by your device.  A driver of `model: rate` gets velocities in place of positions,
-50 a second; it stops by itself when none has come for 0.5 s.
+Have it started again when it ends, `respawn=True` in a launch file.  Replace `advance` by your
+device.  A driver of `model: rate` gets velocities in place of positions, 50 a second; it stops by
+itself when none has come for 0.5 s.
 """
 
 import math
@@ -16,6 +17,8 @@ import rclpy
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
+
+from rf_pointing.ros.main_loop import spin_watched
 
 
 class Driver(Node):
@@ -48,4 +51,4 @@ class Driver(Node):
 
 if __name__ == "__main__":
     rclpy.init()
-    rclpy.spin(Driver())
+    spin_watched(Driver())

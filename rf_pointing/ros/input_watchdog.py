@@ -211,8 +211,8 @@ class InputWatchdog:
         words = "; ".join(f"{name} has been silent for {since_s:.0f} s" for name, since_s in silent.items())
         since_s = {name: now_s - one.taken_s for name, one in self._neighbours.items()}
         received = [f"{name} " for name, silence_s in since_s.items() if silence_s < RECEIVED_S]
-        values = {"received": "".join(received)}
-        return Health(WARN if words else OK, words or f"{len(self._neighbours)} neighbours", values if known else {})
+        values = {"received": "".join(received)} if known else {}
+        return Health(WARN if words else OK, words or f"{len(self._neighbours)} neighbours", values)
 
     def _compare(self, now_s: float, passed_s: float) -> None:
         """Compare with whom the neighbours receive."""

@@ -28,6 +28,11 @@ def antenna(memory: AntennaMemory) -> SimulatedAntenna:
     return made
 
 
+def begun(folder: Path) -> tuple[str, AntennaMemory, SimulatedAntenna]:
+    memory = AntennaMemory(name := str(folder / "antenna.json"))
+    return name, memory, antenna(memory)
+
+
 def run(subject: SimulatedAntenna, memory: AntennaMemory, seconds: float, start_s: float) -> float:
     ticks = round(seconds / subject.params.tick_s)
     for tick in range(ticks):
@@ -83,9 +88,7 @@ def test_no_name_keeps_nothing(tmp_path: Path) -> None:
 
 
 def test_an_antenna_killed_while_it_moves_stands_where_it_was_within_the_half_degree_of_writing(tmp_path: Path) -> None:
-    name = str(tmp_path / "antenna.json")
-    memory = AntennaMemory(name)
-    subject = antenna(memory)
+    name, memory, subject = begun(tmp_path)
     assert subject.park() == ""
     t_s = run(subject, memory, 6.0, START_S)
     left = subject.reading(t_s).position_rad
@@ -96,9 +99,7 @@ def test_an_antenna_killed_while_it_moves_stands_where_it_was_within_the_half_de
 
 
 def test_brakes_that_were_set_stay_set_until_resumed(tmp_path: Path) -> None:
-    name = str(tmp_path / "antenna.json")
-    memory = AntennaMemory(name)
-    subject = antenna(memory)
+    name, memory, subject = begun(tmp_path)
     assert subject.disable() == ""
     t_s = run(subject, memory, 1.0, START_S)
     assert subject.mode == "disabled"
@@ -110,9 +111,7 @@ def test_brakes_that_were_set_stay_set_until_resumed(tmp_path: Path) -> None:
 
 
 def test_a_latched_fault_survives_two_restarts_and_is_reset_then(tmp_path: Path) -> None:
-    name = str(tmp_path / "antenna.json")
-    memory = AntennaMemory(name)
-    subject = antenna(memory)
+    name, memory, subject = begun(tmp_path)
     subject.stop("stop was requested")
     run(subject, memory, 0.1, START_S)
     for _ in range(2):

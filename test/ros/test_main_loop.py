@@ -296,44 +296,44 @@ def test_an_error_of_the_node_s_own_work_is_a_failure(raises: tuple[str, ...], f
     assert f"fatal the node ends after a controlled stop, please report it: {failure}" in node.did
 
 
+def run_program(code: str, *words: str) -> Any:
+    given = [sys.executable, "-c", "import sys, time\nfrom rf_pointing.ros import main_loop\n" + code, *words]
+    return subprocess.run(given, capture_output=True, text=True, timeout=60.0)
+
+
 def test_a_process_that_hangs_ends_and_says_where_and_one_that_comes_round_does_not() -> None:
     """A regular expression that does not end holds the lock of all threads, as a lost read of a disk would."""
-    code = (
-        "import re, time\nfrom rf_pointing.ros.main_loop import HangWatch\nwatch = HangWatch(1.0)\n"
+    ended = run_program(
+        "import re\nwatch = main_loop.HangWatch(1.0)\n"
         "for _ in range(30):\n    watch.come_round()\n    time.sleep(0.05)\n"
         "print('came round', flush=True)\nre.match(r'(a+)+$', 'a' * 50 + 'b')\n"
     )
-    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60.0)
     assert (ended.returncode, ended.stdout) == (1, "came round\n")
     assert "Timeout" in ended.stderr
-    assert 'File "<string>", line 8 in <module>' in ended.stderr
+    assert 'File "<string>", line 9 in <module>' in ended.stderr
 
 
 def test_a_call_that_computes_with_the_lock_of_all_threads_ends_the_process_and_one_without_does_not() -> None:
-    code = (
-        "import hashlib, re, time\nfrom rf_pointing.ros import main_loop\nmain_loop.LOCKED_S, main_loop.LOOK_S = 0.5, 0.05\n"
+    ended = run_program(
+        "import hashlib, re\nmain_loop.LOCKED_S, main_loop.LOOK_S = 0.5, 0.05\n"
         "watch = main_loop.HangWatch()\nwatch.begin(watch.begin.__code__)\n"
         "while time.process_time() < 3.0:\n    hashlib.pbkdf2_hmac('sha256', b'', b'', 10**6)\n"
         "print('computed', flush=True)\nre.match(r'(a+)+$', 'a' * 50 + 'b')\n"
     )
-    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60.0)
     assert (ended.returncode, ended.stdout) == (-signal.SIGPROF, "computed\n")
-    assert 'File "<string>", line 9 in <module>' in ended.stderr
+    assert 'File "<string>", line 10 in <module>' in ended.stderr
 
 
 def test_a_write_that_hangs_ends_the_process_sooner() -> None:
-    code = (
-        "import time\nfrom rf_pointing.ros import main_loop\nmain_loop.WRITTEN_S = 0.5\n"
-        "watch = main_loop.HangWatch()\nwith watch.writing():\n    pass\ntime.sleep(1.5)\n"
+    ended = run_program(
+        "main_loop.WRITTEN_S = 0.5\nwatch = main_loop.HangWatch()\nwith watch.writing():\n    pass\ntime.sleep(1.5)\n"
         "print('written', flush=True)\nwith watch.writing():\n    time.sleep(60.0)\n"
     )
-    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=30.0)
     assert (ended.returncode, ended.stdout) == (1, "written\n")
 
 
 def test_a_wait_for_events_that_does_not_end_ends_the_process_and_long_work_does_not() -> None:
-    code = (
-        "import time\nfrom rf_pointing.ros import main_loop\n"
+    ended = run_program(
         "main_loop.STUCK_S = main_loop.LOOK_S = 0.2\n"
         "def long_work():\n    time.sleep(1.5)\n    print('worked', flush=True)\n"
         "def loop(*calls):\n    for call, *given in calls:\n"
@@ -341,27 +341,30 @@ def test_a_wait_for_events_that_does_not_end_ends_the_process_and_long_work_does
         "watch = main_loop.HangWatch()\nwatch.begin(loop.__code__)\n"
         "loop(*[(time.sleep, 0.05)] * 20, (long_work,), (time.sleep, 60.0))\n"
     )
-    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=30.0)
     assert (ended.returncode, ended.stdout) == (1, "worked\n")
     assert "Timeout (0:00:00)! A wait for events does not end." in ended.stderr
 
 
+OWN_NODE = "main_loop.run(lambda: [thread.start(), managed.ManagedNode('made')][1])"
+DRIVER = "rclpy.init()\nthread.start()\nmain_loop.spin_watched(rclpy.create_node('driver'))"
+
+
 @pytest.mark.parametrize(
-    ("thread", "loops", "code"),
-    [("dds.udp.7411", 10**8, main_loop.DEAF), ("dds.udp.7411", 10**4, 0), ("a) b", 10**6, 0)],
-)
-def test_a_thread_of_dds_that_never_waits_ends_the_node(thread: str, loops: int, code: int) -> None:
+    ("thread", "loops", "code", "turned"),
+    [("dds.udp.7411", 10**8, main_loop.DEAF, OWN_NODE), ("dds.udp.7411", 10**4, 0, OWN_NODE),
+     ("a) b", 10**6, 0, OWN_NODE), ("dds.udp.7411", 10**8, main_loop.DEAF, DRIVER), ("dds.udp.7411", 10**4, 0, DRIVER)],
+)  # fmt: skip
+def test_a_thread_of_dds_that_never_waits_ends_the_node(thread: str, loops: int, code: int, turned: str) -> None:
     """The processor time of the thread between two of its waits counts, here without Python's lock."""
-    program = (
-        "import hashlib, os, threading, time\nfrom rf_pointing.ros import main_loop, managed\n"
+    ended = run_program(
+        "import hashlib, os, rclpy, threading\nfrom rf_pointing.ros import managed\n"
         "main_loop.COMPUTED_S, main_loop.LOOK_S = 0.2, 0.05\ndef compute():\n"
         f"    open(f'/proc/self/task/{{threading.get_native_id()}}/comm', 'w').write({thread!r})\n"
         "    while time.thread_time() < 1.0:\n"
         f"        hashlib.pbkdf2_hmac('sha256', b'', b'', {loops})\n        time.sleep(0.001)\n"
         "    os.kill(os.getpid(), 15)\nthread = threading.Thread(target=compute, daemon=True)\n"
-        "main_loop.run(lambda: [thread.start(), managed.ManagedNode('made')][1])\n"
+        f"{turned}\n"
     )
-    ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
     assert ended.returncode == code, ended.stderr
     assert (f"{thread} has computed for 0.2 s and never waited" in ended.stderr) == bool(code)
 
@@ -371,12 +374,11 @@ def test_a_thread_of_dds_that_never_waits_ends_the_node(thread: str, loops: int,
 )
 def test_a_start_or_an_end_that_hangs_ends_the_process_and_one_in_time_has_its_own_code(phase: str) -> None:
     code = (
-        "import sys, time\nfrom rf_pointing.ros import main_loop\nmain_loop.START_OR_END_S = 1.0\nrun = main_loop.run\n"
+        "main_loop.START_OR_END_S = 1.0\nrun = main_loop.run\n"
         f"watch = main_loop.HangWatch()\n{phase}\ntime.sleep(float(sys.argv[1]))\nsys.exit(3)\n"
     )
     for seconds, status in (("0", 3), ("60", 1)):
-        ended = subprocess.run([sys.executable, "-c", code, seconds], capture_output=True, timeout=30.0)
-        assert ended.returncode == status
+        assert run_program(code, seconds).returncode == status
 
 
 def test_an_error_of_a_callback_is_survived_and_one_of_periodic_work_is_not() -> None:
