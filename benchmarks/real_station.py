@@ -115,12 +115,8 @@ class Device:
 
     def place_deg(self) -> tuple[float, float]:
         """Return azimuth and elevation of the device, where it keeps them."""
-        for _ in range(20):
-            # One that writes them just now is read again.
-            with suppress(OSError, ValueError):
-                return tuple(map(math.degrees, json.loads((self._folder / "axes.json").read_text())))
-            time.sleep(0.01)
-        raise TimeoutError("the device keeps no place")
+        azimuth, elevation = map(math.degrees, json.loads((self._folder / "axes.json").read_text()))
+        return azimuth, elevation
 
     def signal(self, sign: int) -> None:
         """Stop the device (SIGSTOP) or let it go on (SIGCONT)."""
@@ -165,6 +161,7 @@ class Pty(Device):
     home_deg = 0.0, 30.0
     PROGRAM = (
         "import json, pathlib, sys, time, math, test; test.__path__ = [sys.argv[1]]\n"
+        "from rf_pointing.core.whole_file import write_whole\n"
         "from rf_pointing.drives import RotatorModel\n"
         "from test.drives.simulators import MODEL, Easycomm\n"
         "class Controller(Easycomm):\n"
@@ -177,9 +174,10 @@ class Pty(Device):
         "params = MODEL.replace(travel_min_rad=low, travel_max_rad=high)\n"
         "device.model = RotatorModel(params, step, (0.0, math.radians(30.0)))\n"
         "print(device.device, flush=True)\n"
-        "axes = pathlib.Path(sys.argv[2])\n"
+        "axes, due_s = pathlib.Path(sys.argv[2]), 0.0\n"
         "while True:\n    device.step(time.monotonic())\n    time.sleep(0.005)\n"
-        "    axes.write_text(json.dumps(device.model.position_rad))\n"
+        "    if time.monotonic() > due_s:\n        due_s = time.monotonic() + 0.1\n"
+        "        write_whole(axes, json.dumps(device.model.position_rad))\n"
     )
     """The simulators belong to the tests, whose folder Python's own package `test` hides.
 
@@ -207,12 +205,13 @@ class Topic(Device):
     PROGRAM = (
         "import json, pathlib, sys, rclpy; sys.path.insert(0, sys.argv.pop(1))\n"
         "from topic_drive_node import Driver\n"
+        "from rf_pointing.core.whole_file import write_whole\n"
         "from rf_pointing.ros.main_loop import spin_watched\n"
         "place = pathlib.Path(sys.argv.pop(1))\n"
         "rclpy.init(args=sys.argv)\n"
         "driver = Driver()\n"
         "if place.exists():\n    driver.axes.update(zip(driver.axes, json.loads(place.read_text())))\n"
-        "driver.create_timer(0.1, lambda: place.write_text(json.dumps([*driver.axes.values()])))\n"
+        "driver.create_timer(0.1, lambda: write_whole(place, json.dumps([*driver.axes.values()])))\n"
         "spin_watched(driver)\n"
     )
     """The example, with encoders that keep their place when it is started again."""
