@@ -792,15 +792,13 @@ def main() -> int:
     with suppress(PermissionError):
         priority = os.sched_param(DEVICE_PRIORITY - 10)
         os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, priority)
+    # Never shut down: that may hang after damaged datagrams, and the process ends here.
     rclpy.init()
-    try:
-        if options.inside:
-            with ExitStack() as ends:
-                folder = ends.enter_context(tempfile.TemporaryDirectory(prefix="attack"))
-                return second_executive(ends, Path(folder), options.drive[0], *options.inside)
-        verdicts = [row for drive in options.drive for row in attack(drive, names, options.keep)]
-    finally:
-        rclpy.try_shutdown()
+    if options.inside:
+        with ExitStack() as ends:
+            folder = ends.enter_context(tempfile.TemporaryDirectory(prefix="attack"))
+            return second_executive(ends, Path(folder), options.drive[0], *options.inside)
+    verdicts = [row for drive in options.drive for row in attack(drive, names, options.keep)]
     if options.json:
         options.json.write_text(json.dumps([asdict(each) for each in verdicts], indent=1))
     return int(not all(each.good for each in verdicts))

@@ -15,16 +15,10 @@ IMPORTED_AS = {
 BASE = {"numpy"}
 SIBLING = BASE | {"scipy"}
 SIBLINGS = {
+    **dict.fromkeys(("servo", "controllers", "rf", "planning", "identification", "radiometry", "orbit"), SIBLING),
     "ephemeris": SIBLING | {"sgp4", "erfa", "astropy_iers_data", "requests", "urllib3"},
-    "servo": SIBLING,
-    "controllers": SIBLING,
-    "rf": SIBLING,
     "tracking": SIBLING | {"yaml"},
     "calibration": SIBLING | {"yaml"},
-    "planning": SIBLING,
-    "identification": SIBLING,
-    "radiometry": SIBLING,
-    "orbit": SIBLING,
     "operations": {"icalendar"},
     "drives": BASE | {"serial"},
     # The last two are optional: their sources say what to install.

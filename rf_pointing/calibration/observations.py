@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from rf_pointing.core import LEVEL, Kinematics, as_finite_array, to_degrees, wrap_rad
+from rf_pointing.core.target_motion import ANGLES
 from rf_pointing.core.types import Array, BoolArray, IntArray
 
 # Difference on the sky of observed and true direction above which the data must be wrong.
@@ -21,10 +22,7 @@ _TURNED_SPREAD_RAD = np.radians(1.0)
 # Cable wraps allow a turn and a half; degrees taken for radians are far beyond.
 _LARGEST_AZIMUTH_RAD = 3.0 * np.pi
 _TURN = 2.0 * np.pi
-_MOTION = (
-    "true_azimuth_rad", "true_elevation_rad", "azimuth_rate_rad_s", "elevation_rate_rad_s",
-    "azimuth_acceleration_rad_s2", "elevation_acceleration_rad_s2",
-)  # fmt: skip
+_MOTION = ("true_azimuth_rad", "true_elevation_rad", *ANGLES[2:])
 _OBSERVED = (
     "observed_azimuth_rad", "observed_elevation_rad", "sigma_azimuth_rad", "sigma_elevation_rad",
 )  # fmt: skip

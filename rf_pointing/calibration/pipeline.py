@@ -28,13 +28,10 @@ from rf_pointing.calibration.raw_tracking import RawTracking, StageReport, requi
 from rf_pointing.calibration.reference import COLUMNS, ReferenceTrack
 from rf_pointing.calibration.thinning import Thinned, find_outliers, smooth, thin
 from rf_pointing.core import Array, BoolArray, IntArray, Kinematics, Pair, wrap_rad
+from rf_pointing.core.target_motion import ANGLES
 
 # A perfect simulation scatters by nothing; a sigma of zero would divide by zero in the fit.
 _LEAST_SIGMA_RAD = 1e-6
-_MOTION = (
-    "azimuth_rad", "elevation_rad", "azimuth_rate_rad_s", "elevation_rate_rad_s",
-    "azimuth_acceleration_rad_s2", "elevation_acceleration_rad_s2",
-)  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,7 +55,7 @@ class PriorKnowledge:
 
     def bias_rad(self, columns: Mapping[str, Array]) -> Array:
         """Return observed minus true angles (2, n) of a motion, in the form of the fit."""
-        motion = [columns[name] for name in _MOTION]
+        motion = [columns[name] for name in ANGLES]
         if self.form == "printed":
             return np.stack(self.model.offset_rad(*motion))
         return np.stack(self.model.apply(*motion)) - np.stack(motion[:2])
@@ -282,7 +279,7 @@ def _error_shift_rad(
     found = [errors.get(number) for number in numbers.tolist()]
     values = np.array([[one.values[name] if one else 0.0 for name in names] for one in found])
     middle = np.array([one.middle_t_s if one else 0.0 for one in found])[place]
-    motion = [tracks[name] for name in _MOTION]
+    motion = [tracks[name] for name in ANGLES]
     elapsed_s = tracks["t_s"] - middle
     partials = motion_partials(
         elapsed_s, motion, tracks["range_m"], tracks["range_rate_m_s"], names, known.lags_s, mount

@@ -21,27 +21,15 @@ TUNED_RADIO_BANDWIDTH_HZ = 0.2
 _DRIVE_LAG_S = 1.0 / 20.0 + 0.01
 _FEEDFORWARD_LAG_S = 1.0 / (2.0 * math.pi * 10.0)
 _AZIMUTH = PositionLoopParams(
-    proportional_gain=7.915,
-    integral_gain=11.59,
-    notch_frequency_hz=1.417,
-    notch_damping=0.0468,
-    shaping_enabled=True,
-    shaping_zero_hz=1.785,
-    shaping_zero_damping=0.3905,
-    shaping_pole_hz=3.139,
-    shaping_pole_damping=0.6124,
-)
+    proportional_gain=7.915, integral_gain=11.59, notch_frequency_hz=1.417,
+    notch_damping=0.0468, shaping_enabled=True, shaping_zero_hz=1.785,
+    shaping_zero_damping=0.3905, shaping_pole_hz=3.139, shaping_pole_damping=0.6124,
+)  # fmt: skip
 _ELEVATION = PositionLoopParams(
-    proportional_gain=6.665,
-    integral_gain=6.383,
-    notch_frequency_hz=2.068,
-    notch_damping=0.0716,
-    shaping_enabled=True,
-    shaping_zero_hz=2.048,
-    shaping_zero_damping=0.0152,
-    shaping_pole_hz=3.949,
-    shaping_pole_damping=0.5844,
-)
+    proportional_gain=6.665, integral_gain=6.383, notch_frequency_hz=2.068,
+    notch_damping=0.0716, shaping_enabled=True, shaping_zero_hz=2.048,
+    shaping_zero_damping=0.0152, shaping_pole_hz=3.949, shaping_pole_damping=0.5844,
+)  # fmt: skip
 
 
 def dss13_loops(gains: str) -> tuple[PositionLoopParams, PositionLoopParams]:

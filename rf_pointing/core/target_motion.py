@@ -4,6 +4,11 @@ from dataclasses import dataclass
 
 from rf_pointing.core.types import Array
 
+ANGLES = (
+    "azimuth_rad", "elevation_rad", "azimuth_rate_rad_s", "elevation_rate_rad_s",
+    "azimuth_acceleration_rad_s2", "elevation_acceleration_rad_s2",
+)  # fmt: skip
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TargetMotion:
@@ -18,3 +23,8 @@ class TargetMotion:
     elevation_acceleration_rad_s2: Array
     range_m: Array
     range_rate_m_s: Array
+
+    @property
+    def angles(self) -> tuple[Array, ...]:
+        """The columns of `ANGLES`."""
+        return tuple(getattr(self, name) for name in ANGLES)

@@ -192,11 +192,9 @@ def _elements(line1: str, line2: str, name: str) -> Elements:
     half_dot = _number("mean motion derivative", line1[33:43], -1.0, 1.0)
     sixth_ddot = _read_exponent("second derivative", line1[44:52])
     return Elements(
-        name=name_of(name) or str(catalogue_number),
-        catalogue_number=catalogue_number,
+        name=name_of(name) or str(catalogue_number), catalogue_number=catalogue_number,
         classification=line1[7].strip() or "U",
-        international_designator=_read_designator(line1[9:17].strip()),
-        epoch_t_s=epoch_t_s,
+        international_designator=_read_designator(line1[9:17].strip()), epoch_t_s=epoch_t_s,
         mean_motion_dot_rad_s2=2.0 * half_dot * per_day / DAY_S,
         mean_motion_ddot_rad_s3=6.0 * sixth_ddot * per_day / DAY_S**2,
         drag_per_earth_radius=_read_exponent("B*", line1[53:61]),
@@ -208,7 +206,7 @@ def _elements(line1: str, line2: str, name: str) -> Elements:
         mean_anomaly_rad=math.radians(_number("mean anomaly", line2[43:51], *_TURN_DEG)),
         mean_motion_rad_s=_number("mean motion", line2[52:63], *MEAN_MOTIONS) * per_day,
         revolution_number=int(line2[63:68].strip() or 0),
-    )
+    )  # fmt: skip
 
 
 def _number(what: str, columns: str, low: float = -math.inf, high: float = math.inf) -> float:

@@ -83,7 +83,7 @@ class PointingControllerNode(StationNode):
         target, error = convert.target_from_message, convert.error_from_message
         take_error = lambda m: goals.controller.take_error(error(m))  # noqa: E731
         self.listen(ours.Target, "target", lambda m: goals.controller.take_target(target(m)), STREAM, required=True)
-        self.listen(ours.AntennaStatus, "antenna_status", take_status, STATUS, steady=True, required=True)
+        self.listen(ours.AntennaStatus, "antenna_status", take_status, STATUS, required=True)
         self.listen(ours.PointingError, "pointing_error", take_error, STREAM)
         self.listen(ours.PointingModel, "pointing_model", take_model, LATCHED)
         temperature_k = convert.temperature_from_message

@@ -24,7 +24,7 @@ from rf_pointing.calibration import (
     select_observations,
 )
 from rf_pointing.calibration.pass_errors import shift_by
-from rf_pointing.core.target_motion import TargetMotion
+from rf_pointing.core.target_motion import ANGLES, TargetMotion
 from rf_pointing.core.types import Array
 from rf_pointing.papers.satcal_looks import visits
 from rf_pointing.papers.satcal_motion import Elements, Gravity, Site
@@ -151,10 +151,7 @@ def points_of(passes: Sequence[TargetMotion], sigma_rad: float) -> Observations:
                 observed_elevation_rad=seen.elevation_rad[low],
                 true_azimuth_rad=seen.azimuth_rad[low],
                 true_elevation_rad=seen.elevation_rad[low],
-                azimuth_rate_rad_s=seen.azimuth_rate_rad_s[low],
-                elevation_rate_rad_s=seen.elevation_rate_rad_s[low],
-                azimuth_acceleration_rad_s2=seen.azimuth_acceleration_rad_s2[low],
-                elevation_acceleration_rad_s2=seen.elevation_acceleration_rad_s2[low],
+                **{name: getattr(seen, name)[low] for name in ANGLES[2:]},
                 sigma_azimuth_rad=np.full(count, sigma_rad),
                 sigma_elevation_rad=np.full(count, sigma_rad),
                 range_m=seen.range_m[low],

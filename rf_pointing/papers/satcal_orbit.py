@@ -47,7 +47,7 @@ def preliminary_check(
     truth = propagate(INJECTION_T_S, IRS_P3.state(), times, _GRAVITY).states
     seen = look(times, truth, site, _GRAVITY)
     middle = Elements.from_state(truth[len(times) // 2])
-    offset = planted.offset_rad(*_motion(seen))
+    offset = planted.offset_rad(*seen.angles)
     raw, better = [], []
     for model in fitted:
         noise = random.standard_normal((3, len(times)))
@@ -56,7 +56,7 @@ def preliminary_check(
         raw.append(_element_error(site, times, distance, angles, middle))
         # The motion of the true pass: a fitted model is applied as in operation, where it is known
         # to seconds.
-        known = np.stack(model.offset_rad(*_motion(seen)))
+        known = np.stack(model.offset_rad(*seen.angles))
         better.append(_element_error(site, times, distance, angles - known, middle))
     degrees = np.degrees(seen.elevation_rad)
     return PreliminaryCheck(
@@ -159,7 +159,7 @@ def _network_arcs(random: np.random.Generator) -> list[Arc]:
 
 def _offsets(passes: Sequence[TargetMotion], model: BiasModel) -> Array:
     """Return the bias of azimuth and elevation (2, n) along all passes."""
-    return np.concatenate([np.stack(model.offset_rad(*_motion(seen))) for seen in passes], axis=1)
+    return np.concatenate([np.stack(model.offset_rad(*seen.angles)) for seen in passes], axis=1)
 
 
 def _radar_arcs(
@@ -198,14 +198,3 @@ def _weight_for(
         moved = np.linalg.norm(np.linalg.solve(network + weight * angles, weight * pull)[:3])
         low, high = (middle, high) if moved > target_m else (low, middle)
     return math.exp(0.5 * (low + high))
-
-
-def _motion(seen: TargetMotion) -> tuple[Array, Array, Array, Array, Array, Array]:
-    return (
-        seen.azimuth_rad,
-        seen.elevation_rad,
-        seen.azimuth_rate_rad_s,
-        seen.elevation_rate_rad_s,
-        seen.azimuth_acceleration_rad_s2,
-        seen.elevation_acceleration_rad_s2,
-    )

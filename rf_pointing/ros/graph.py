@@ -199,6 +199,8 @@ SOURCES = {topic.name: topic.publisher for topic in TOPICS} | dict.fromkeys(
 """Who sends a topic, for a node that waits for it."""
 PAUSES = ("target", "array_snapshots")
 """Topics that are silent while the target, or the transmitter, is down."""
+STEADY = ("joint_states", ESSENTIAL)
+"""Topics that are sent all the time while their publisher is active."""
 VIEWS = (
     Topic("robot_description", String, LATCHED, "latched", DESCRIPTION, "the URDF", frame=""),
     # Each marker has a frame of its own.

@@ -48,19 +48,12 @@ def _action(process: Process) -> Node:
     if len(process.nodes) > 1:
         kind, named = Node, {}
     return kind(
-        package=process.package,
-        executable=process.executable,
-        namespace=process.namespace,
+        package=process.package, executable=process.executable, namespace=process.namespace,
         parameters=[each if isinstance(each, str) else _values(process, each) for each in process.parameters],
-        remappings=list(process.remappings),
-        arguments=list(process.arguments),
-        ros_arguments=list(process.ros_arguments),
-        additional_env=dict(process.environment),
-        respawn=process.respawn,
-        respawn_delay=RESTART_S,
-        output="screen",
-        **named,
-    )
+        remappings=list(process.remappings), arguments=list(process.arguments),
+        ros_arguments=list(process.ros_arguments), additional_env=dict(process.environment),
+        respawn=process.respawn, respawn_delay=RESTART_S, output="screen", **named,
+    )  # fmt: skip
 
 
 def _values(process: Process, given: Any) -> Any:

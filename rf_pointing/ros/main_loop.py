@@ -367,10 +367,9 @@ class HangWatch:
 
 
 def spin_watched(node: Any) -> None:
-    """Turn a node that is no ManagedNode, a driver for example, until its context ends.
+    """Turn a node of another class than ManagedNode, a driver for example, until its context ends.
 
-    A datagram that was damaged can leave a thread of DDS in a loop without end, and the node
-    without messages: its process then ends with `DEAF`, and its launch file starts it again.
+    The process ends with `DEAF` where a thread of DDS hangs: its launch file starts it again.
     """
     watch, executor = HangWatch(), make_executor(node.context)
     executor.add_node(node)

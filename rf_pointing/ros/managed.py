@@ -14,7 +14,7 @@ from typing import Any
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 
 from rf_pointing.ros.diagnostics import Health
-from rf_pointing.ros.graph import FOREIGN, FRAMES
+from rf_pointing.ros.graph import FOREIGN, FRAMES, STEADY
 from rf_pointing.ros.input_watchdog import InputWatchdog
 from rf_pointing.ros.lifecycle import Lifecycle, Schedule
 from rf_pointing.ros.qos import IN_USE, INSTRUMENT, LATCHED, SERVICE
@@ -69,15 +69,15 @@ class ManagedNode(Lifecycle):
 
     def listen(
         self, message_type: Any, topic: str, callback: Callable[[Any], None], qos: Any, *,
-        raw: bool = False, steady: bool = False, required: bool = False,
+        raw: bool = False, required: bool = False,
         most_bytes: Callable[[], int] | None = None, refused: Callable[[str], object] = str,
     ) -> None:  # fmt: skip
         """Subscribe until cleanup; lost messages, and those refused by ValueError, are counted.
 
         A message is refused when it is too long, before it is decoded, when it cannot be decoded,
         and when a stamp or a number in it is impossible.  With `raw` the callback gets the bytes,
-        of which only the length has been checked.  `refused` takes each reason.  A `steady` topic
-        is sent all the time while its publisher is active: this node is deaf if it is silent then.
+        of which only the length has been checked.  `refused` takes each reason.  This node is
+        deaf if one of `STEADY` is silent while its publisher is active.
         Without a `required` one it has nothing to work on, and says so while it waits.
         """
         # In simulated time our own nodes send it, and a lost message would change the result.
@@ -91,7 +91,7 @@ class ManagedNode(Lifecycle):
             take = self.input_watchdog.require(topic, take)
             self._at_cleanup.callback(self.input_watchdog.require_no_longer, topic)
         arrived = None
-        if steady:
+        if topic in STEADY:
             arrived, forget = self.input_watchdog.watch(topic)
             self._at_cleanup.callback(forget)
 
@@ -111,12 +111,12 @@ class ManagedNode(Lifecycle):
         self._at_cleanup.callback(self.destroy_subscription, subscription)
 
     def listen_latest(
-        self, message_type: Any, topic: str, convert: Callable[[Any], Any], qos: Any, *, steady: bool = False,
+        self, message_type: Any, topic: str, convert: Callable[[Any], Any], qos: Any, *,
         required: bool = False,
     ) -> Latest:  # fmt: skip
         """Subscribe until cleanup to a fast stream of which only the newest message counts."""
         latest = Latest(message_type, convert, lambda reason: self._ignore(topic, reason))
-        self.listen(message_type, topic, latest.note, qos, raw=True, steady=steady, required=required)
+        self.listen(message_type, topic, latest.note, qos, raw=True, required=required)
         return latest
 
     def missing_inputs(self) -> str:

@@ -85,7 +85,7 @@ class TrackPassServer:
         self._status = node.stream(ours.TrackingStatus, "tracking_status", STREAM)
         self._certificates = node.stream(ours.PassCertificate, "pass_certificate", LATCHED)
         joints = partial(convert.joints_from_message, axes=self._axes)
-        self._joints = node.listen_latest(JointState, "joint_states", joints, STREAM, steady=True, required=True)
+        self._joints = node.listen_latest(JointState, "joint_states", joints, STREAM, required=True)
         self._census, self._message = StationCensus(), ours.TrackingStatus()
         node.listen(StationInUse, STATION_IN_USE, self._census.note, IN_USE)
         self._standby = self._one_of_two() if self._role else None

@@ -44,15 +44,11 @@ def dss13_plant(
     require_choice("elevation_deg", str(elevation_deg), [str(key) for key in _COUPLING])
     require_choice("bending", bending, BENDING_FREQUENCY_HZ)
     azimuth = _axis(
-        inertia_kg_m2=2.5e7,
-        gear_softness=0.85,
-        mode_frequency_hz=(1.65, 3.24, 4.24),
-        mode_damping=(0.02, 0.02, 0.02),
-        mode_encoder_residue=(0.05, 0.02, 0.02),
-        mode_beam_residue=(0.10, 0.05, 0.03),
-        travel_min_rad=math.radians(-225.0),
+        inertia_kg_m2=2.5e7, gear_softness=0.85, mode_frequency_hz=(1.65, 3.24, 4.24),
+        mode_damping=(0.02, 0.02, 0.02), mode_encoder_residue=(0.05, 0.02, 0.02),
+        mode_beam_residue=(0.10, 0.05, 0.03), travel_min_rad=math.radians(-225.0),
         travel_max_rad=math.radians(225.0),
-    )
+    )  # fmt: skip
     elevation = _axis(
         inertia_kg_m2=2.0e7,
         gear_softness=1.0,

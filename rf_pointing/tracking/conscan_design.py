@@ -137,12 +137,10 @@ def scan_for_accuracy(
     design = design_scan(over_window, carrier_to_noise_db_hz, separated * wanted_sigma_rad)
     longer = design.period_s / window_s
     return params.replace(
-        radius_rad=design.radius_rad,
-        period_s=design.period_s / turns,
-        window_samples=design.samples,
+        radius_rad=design.radius_rad, period_s=design.period_s / turns, window_samples=design.samples,
         fewest_samples=max(FEWEST_SAMPLES, round(params.fewest_samples * longer)),
         bandwidth_hz=params.bandwidth_hz / longer,
-    )
+    )  # fmt: skip
 
 
 def _sigma(params: ScanDesignParams, radius_rad: float, samples: int, level_db_hz: float) -> float:

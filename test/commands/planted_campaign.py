@@ -9,6 +9,7 @@ import numpy as np
 
 from rf_pointing.calibration import BiasModel, Ionosphere, Observations, RawTracking, write_observations
 from rf_pointing.core import MDEG, RadioRefraction
+from rf_pointing.core.target_motion import ANGLES
 from rf_pointing.ephemeris import TopocentricTrack, find_elements, find_passes, site, tle_lines, verification_elements
 from test.calibration.conftest import write_tracking
 
@@ -33,9 +34,7 @@ def points(passes: int = 12) -> Observations:
                 station=STATION, band="X", t_s=1e9 + 1000.0 * number + t, pass_id=np.full(60, number),
                 observed_azimuth_rad=azimuth + random.normal(0.0, 1.0 * MDEG, 60),
                 observed_elevation_rad=elevation + random.normal(0.0, 1.0 * MDEG, 60),
-                true_azimuth_rad=motion[0], true_elevation_rad=motion[1],
-                azimuth_rate_rad_s=motion[2], elevation_rate_rad_s=motion[3],
-                azimuth_acceleration_rad_s2=motion[4], elevation_acceleration_rad_s2=motion[5],
+                **dict(zip(("true_azimuth_rad", "true_elevation_rad", *ANGLES[2:]), motion, strict=True)),
                 sigma_azimuth_rad=np.full(60, 1.0 * MDEG), sigma_elevation_rad=np.full(60, 1.0 * MDEG),
             )
         )  # fmt: skip

@@ -14,16 +14,10 @@ from rf_pointing.controllers.lqg_design import as_mapping, design_lqg, save_lqg_
 
 SAMPLE_S = 0.02
 WEIGHTS = LqgWeights(
-    notch_frequency_hz=2.32,
-    notch_damping=0.29,
-    shaping_zero_hz=3.0,
-    shaping_zero_damping=0.7,
-    shaping_pole_hz=4.0,
-    shaping_pole_damping=0.7,
-    control_weight=0.023,
-    disturbance_intensity=0.069,
+    notch_frequency_hz=2.32, notch_damping=0.29, shaping_zero_hz=3.0, shaping_zero_damping=0.7,
+    shaping_pole_hz=4.0, shaping_pole_damping=0.7, control_weight=0.023, disturbance_intensity=0.069,
     rate_intensity=1e-4,
-)
+)  # fmt: skip
 
 
 def antenna() -> control.StateSpace:

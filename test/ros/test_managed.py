@@ -18,7 +18,7 @@ from rf_pointing_msgs.msg import PointingError, Target
 from std_msgs.msg import Header
 from std_srvs.srv import Trigger
 
-from rf_pointing.ros import convert
+from rf_pointing.ros import convert, managed
 from rf_pointing.ros.managed import ManagedNode, conclude
 from rf_pointing.ros.qos import STREAM
 
@@ -34,18 +34,16 @@ class Subject(ManagedNode):
         self.reasons: list[str] = []
 
     def configure(self) -> None:
-        self.listen(
-            PointingError, "error", self._take, STREAM, most_bytes=lambda: 1000,
-            refused=self.reasons.append, steady=True,
-        )  # fmt: skip
+        self.listen(PointingError, "error", self._take, STREAM, most_bytes=lambda: 1000, refused=self.reasons.append)
 
     def _take(self, message: PointingError) -> None:
         self.taken.append(convert.error_from_message(message))
 
 
 @pytest.fixture
-def bench(make_bench: Callable[..., Any]) -> Any:
+def bench(make_bench: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> Any:
     """Yield a configured node."""
+    monkeypatch.setattr(managed, "STEADY", ("error",))
     made = make_bench(Subject)
     assert made.step("configure")
     return made

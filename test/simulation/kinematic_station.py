@@ -88,14 +88,9 @@ class KinematicStation:
                 log.take_target(track.target_at(known_s))
             log.take_joints(JointReading(t_s=t_s, position_rad=position, velocity_rad_s=velocity))
             covariance = self.params.noise_rad**2 * np.eye(2)
-            log.take_error(
-                PointingError(
-                    t_s=t_s,
-                    sensor="monopulse",
-                    cross_elevation_rad=float(sensed[0]),
-                    elevation_rad=float(sensed[1]),
-                    covariance_rad2=covariance,
-                )
-            )
+            log.take_error(PointingError(
+                t_s=t_s, sensor="monopulse", cross_elevation_rad=float(sensed[0]),
+                elevation_rad=float(sensed[1]), covariance_rad2=covariance,
+            ))  # fmt: skip
 
         return feed

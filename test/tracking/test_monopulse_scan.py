@@ -30,12 +30,10 @@ def cluster(
     differences = MIXING @ np.tanh(SLOPE * offset / H) + NULL
     measured_db = 10.0 * math.log10(level) + 0.05 * rng.standard_normal()
     return MonopulseCluster(
-        t_s=t_s + np.arange(samples) * SAMPLE_S,
-        sum=np.exp(0.3j) + noise[0],
+        t_s=t_s + np.arange(samples) * SAMPLE_S, sum=np.exp(0.3j) + noise[0],
         difference_cross_elevation=np.exp(0.3j) * differences[0] + noise[1],
-        difference_elevation=np.exp(0.3j) * differences[1] + noise[2],
-        carrier_to_noise_db_hz=measured_db,
-    )
+        difference_elevation=np.exp(0.3j) * differences[1] + noise[2], carrier_to_noise_db_hz=measured_db,
+    )  # fmt: skip
 
 
 def scanned(level_db_hz: float = 55.0, seconds: float = 23.0, seed: int = 1) -> MonopulseCalibrator:

@@ -40,20 +40,12 @@ class DoaAttitudeNode(ManagedNode):
 
     def __init__(self) -> None:
         super().__init__("doa_attitude")
-        array = {
-            "array": CircularArrayParams(),
-            "estimator": DoaEstimatorParams(),
-            "response": ResponseParams(),
-        }
-        scene = {**scene_params(SunSynchronousOrbitParams()), "satellite": SatelliteParams()}
-        tuning = {
-            "filter": DoaAttitudeParams(),
-            "start": StartParams(),
-            "noise": ProcessNoiseParams(),
-        }
-        checks = {"gate": GateParams(), "watch": WatchParams(), "chain": DoaChainParams()}
-        for prefix, defaults in {**array, **scene, **tuning, **checks}.items():
-            self.parameters.declare(prefix, defaults)
+        self.parameters.declare_all(
+            array=CircularArrayParams(), estimator=DoaEstimatorParams(), response=ResponseParams(),
+            **scene_params(SunSynchronousOrbitParams()), satellite=SatelliteParams(),
+            filter=DoaAttitudeParams(), start=StartParams(), noise=ProcessNoiseParams(),
+            gate=GateParams(), watch=WatchParams(), chain=DoaChainParams(),
+        )  # fmt: skip
         self._chain: DoaAttitude | None = None
         self._blocks, self._torques = InputOutcomes(), InputOutcomes()
 

@@ -42,19 +42,12 @@ class DoaSource(ManagedNode):
 
     def __init__(self) -> None:
         super().__init__("doa_source")
-        array = {
-            "array": CircularArrayParams(),
-            "receiver": ArraySourceParams(),
-            "response": ResponseParams(),
-        }
-        scene = {**scene_params(SunSynchronousOrbitParams()), "satellite": SatelliteParams()}
-        truth = {
-            "scenario": DoaScenarioParams(),
-            "hold": NadirHoldParams(),
-            "disturbance": ProcessNoiseParams(),
-        }
-        for prefix, defaults in {"source": BlockParams(), **array, **scene, **truth}.items():
-            self.parameters.declare(prefix, defaults)
+        self.parameters.declare_all(
+            source=BlockParams(), array=CircularArrayParams(), receiver=ArraySourceParams(),
+            response=ResponseParams(), **scene_params(SunSynchronousOrbitParams()),
+            satellite=SatelliteParams(), scenario=DoaScenarioParams(), hold=NadirHoldParams(),
+            disturbance=ProcessNoiseParams(),
+        )  # fmt: skip
         self._simulated: SimulatedDoa | None = None
         self._blocks = InputOutcomes()
 

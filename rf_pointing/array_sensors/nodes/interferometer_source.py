@@ -43,10 +43,10 @@ class InterferometerSourceNode(ManagedNode):
 
     def __init__(self) -> None:
         super().__init__("interferometer_source")
-        system = {"arrays": ArrayParams(), "plan": CarrierPlan(), "schedule": Schedule()}
-        truth = {"radio": RadioParams(), "link": LinkParams(), "approach": DockingApproach()}
-        for prefix, defaults in {"source": SequenceTiming(), **system, **truth}.items():
-            self.parameters.declare(prefix, defaults)
+        self.parameters.declare_all(
+            source=SequenceTiming(), arrays=ArrayParams(), plan=CarrierPlan(), schedule=Schedule(),
+            radio=RadioParams(), link=LinkParams(), approach=DockingApproach(),
+        )  # fmt: skip
         self._simulated: SimulatedDocking | None = None
         self._sequences = InputOutcomes()
 

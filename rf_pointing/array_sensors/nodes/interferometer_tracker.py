@@ -49,11 +49,11 @@ class InterferometerTrackerNode(ManagedNode):
 
     def __init__(self) -> None:
         super().__init__("interferometer_tracker")
-        system = {"arrays": ArrayParams(), "plan": CarrierPlan(), "schedule": Schedule()}
-        tuning = {"tracker": TrackerParams(), "filter": FilterParams(), "floor": ErrorFloor()}
-        tuning |= {"radio": RadioParams(), "link": LinkParams()}
-        for prefix, defaults in {"tracking": TrackingParams(), **system, **tuning}.items():
-            self.parameters.declare(prefix, defaults)
+        self.parameters.declare_all(
+            tracking=TrackingParams(), arrays=ArrayParams(), plan=CarrierPlan(),
+            schedule=Schedule(), tracker=TrackerParams(), filter=FilterParams(), floor=ErrorFloor(),
+            radio=RadioParams(), link=LinkParams(),
+        )  # fmt: skip
         self._tracker: RelativePoseTracker | None = None
         self._sequences = InputOutcomes()
 

@@ -23,12 +23,11 @@ class TripulseAttitudeNode(ManagedNode):
 
     def __init__(self) -> None:
         super().__init__("tripulse_attitude")
-        for prefix, defaults in {
-            "attitude": StationAttitudeParams(),
-            "epochs": EpochParams(),
+        self.parameters.declare_all(
+            attitude=StationAttitudeParams(),
+            epochs=EpochParams(),
             **scene_params(GeostationaryParams()),
-        }.items():
-            self.parameters.declare(prefix, defaults)
+        )
         self._solver: TripulseAttitude | None = None
         self._lines = InputOutcomes()
 

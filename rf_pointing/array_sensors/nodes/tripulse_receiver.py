@@ -35,17 +35,10 @@ class TripulseReceiverNode(ManagedNode):
 
     def __init__(self) -> None:
         super().__init__("tripulse_receiver")
-        groups = {
-            "array": TripulseArrayParams(),
-            "signal": TripulseSignalParams(),
-            "tracker": TrackerParams(),
-        }
-        for prefix, defaults in {
-            "station": StationParams(),
-            "receiver": TripulseReceiverParams(),
-            **groups,
-        }.items():
-            self.parameters.declare(prefix, defaults)
+        self.parameters.declare_all(
+            station=StationParams(), receiver=TripulseReceiverParams(), array=TripulseArrayParams(),
+            signal=TripulseSignalParams(), tracker=TrackerParams(),
+        )  # fmt: skip
         self._receiver: TripulseReceiver | None = None
         self._station = ""
         self._frames = InputOutcomes()

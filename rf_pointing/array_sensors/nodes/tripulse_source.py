@@ -41,18 +41,11 @@ class TripulseSourceNode(ManagedNode):
 
     def __init__(self) -> None:
         super().__init__("tripulse_source")
-        groups = {
-            "array": TripulseArrayParams(),
-            "signal": TripulseSignalParams(),
-            "link": TripulseSourceParams(),
-        }
-        for prefix, defaults in {
-            "source": SendingParams(),
-            **groups,
-            **scene_params(GeostationaryParams()),
-            "wobble": WobbleParams(),
-        }.items():
-            self.parameters.declare(prefix, defaults)
+        self.parameters.declare_all(
+            source=SendingParams(), array=TripulseArrayParams(), signal=TripulseSignalParams(),
+            link=TripulseSourceParams(), **scene_params(GeostationaryParams()),
+            wobble=WobbleParams(),
+        )  # fmt: skip
         self._simulated: SimulatedTripulse | None = None
         self._sending = InputOutcomes()
 

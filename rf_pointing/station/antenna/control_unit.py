@@ -476,17 +476,13 @@ class ControlUnit:
             seen, silent = base.at(t_s).level_of(seen), silent or base.lost(t_s)
             shown = np.array(base.level_of(pair(commanded)))
         return AntennaStatus(
-            t_s=t_s,
-            mode=mode,
-            fault=safety.latch.text,
-            commanded_rad=shown,
+            t_s=t_s, mode=mode, fault=safety.latch.text, commanded_rad=shown,
             rate_command_rad_s=axes.rate_command_rad_s,
             rate_limit_rad_s=np.array(axes.limits.rate_limit_rad_s),
             acceleration_limit_rad_s2=np.array(axes.limits.acceleration_limit_rad_s2),
             at_limit=axes.hardware.at_stop,
             command_lead_s=0.0 if path.table.empty else path.table.lead_s(t_s),
-            commands_accepted=self._accepted,
-            commands_rejected=self._rejected,
+            commands_accepted=self._accepted, commands_rejected=self._rejected,
             last_rejection=self._last_rejection,
             warning=("" if axes.hardware.powered else axes.hardware.fault)
             or self._sun
@@ -504,7 +500,7 @@ class ControlUnit:
             sun_permit=permit.by if permit else "",
             sun_permit_band=permit.band if permit else "",
             sun_permit_until_t_s=permit.until_t_s if permit else 0.0,
-        )
+        )  # fmt: skip
 
     def _motion(self) -> MotionSnapshot:
         """Return what the mode machine may know of the motion now."""

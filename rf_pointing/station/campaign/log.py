@@ -30,6 +30,7 @@ from rf_pointing.calibration.observations import COLUMNS as OBSERVED
 from rf_pointing.core import MDEG, JointReading, Motion, PointingError, Target, nearest_turn_rad
 from rf_pointing.core.kinematics import LEVEL, Kinematics
 from rf_pointing.core.signals import TimeBuffer
+from rf_pointing.core.target_motion import ANGLES
 from rf_pointing.core.types import Array
 from rf_pointing.planning import plunged
 from rf_pointing.station.pointing.prediction import TargetBuffer
@@ -311,10 +312,8 @@ class CalibrationLog:
             "t_s": error.t_s, "observed_azimuth_rad": azimuth,
             "observed_elevation_rad": position[1] + up_rad,
             "true_azimuth_rad": nearest_turn_rad(float(true.position[0, 0]), azimuth),
-            "true_elevation_rad": elevation, "azimuth_rate_rad_s": true.velocity[0, 0],
-            "elevation_rate_rad_s": true.velocity[0, 1],
-            "azimuth_acceleration_rad_s2": true.acceleration[0, 0],
-            "elevation_acceleration_rad_s2": true.acceleration[0, 1],
+            "true_elevation_rad": elevation,
+            **dict(zip(ANGLES[2:], [*true.velocity[0], *true.acceleration[0]], strict=True)),
             "sigma_azimuth_rad": sigma[0] / cosine, "sigma_elevation_rad": sigma[1],
             "range_m": np.interp(error.t_s, times, ranges),
             "range_rate_m_s": np.interp(error.t_s, times, rates),
