@@ -206,7 +206,7 @@ class Topic(Device):
         "import json, pathlib, sys, rclpy; sys.path.insert(0, sys.argv.pop(1))\n"
         "from topic_drive_node import Driver\n"
         "from rf_pointing.core.whole_file import write_whole\n"
-        "from rf_pointing.ros.main_loop import spin_watched\n"
+        "from rf_pointing.ros.driver_node import spin_watched\n"
         "place = pathlib.Path(sys.argv.pop(1))\n"
         "rclpy.init(args=sys.argv)\n"
         "driver = Driver()\n"

@@ -18,7 +18,7 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 
-from rf_pointing.ros.main_loop import spin_watched
+from rf_pointing.ros.driver_node import spin_watched
 
 
 class Driver(Node):

@@ -245,7 +245,7 @@ def _participants(segment: _Segment) -> tuple[str, str]:
         f"PARTICIPANT_{number}" not in segment.metadata for number in (path[-1], target)
     ):
         raise ValueError(
-            f"line {segment.line}: PATH={segment.metadata['PATH']} must join a station and its target"
+            f"line {segment.line}: PATH={segment.metadata['PATH']} must join station and target"
         )
     return path[-1], target
 

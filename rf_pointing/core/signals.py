@@ -110,13 +110,14 @@ class Target:
         return 1.0 - self.range_rate_m_s / SPEED_OF_LIGHT_M_S
 
     def __post_init__(self) -> None:
-        if all_finite(
+        if self.range_m >= 1.0 and all_finite(
             self.t_s, *self.motion, self.range_m, self.range_rate_m_s, self.refraction_rad, self.satellite_gain_db,
         ):  # fmt: skip
             return
         for name in self.__slots__:
             if name not in ("name", "offsets", "uncertainty"):
                 require_finite(name, getattr(self, name))
+        require_between("range_m", self.range_m, 1.0, math.inf)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -45,8 +45,8 @@ class PassProfile:
             object.__setattr__(self, name, as_finite_array(name, getattr(self, name), (len(self.t_s), 2)))
         for name in ("range_m", "satellite_gain_db"):
             object.__setattr__(self, name, as_finite_array(name, getattr(self, name), (len(self.t_s),)))
-        if np.any(self.range_m <= 0.0):
-            raise ValueError(f"range_m={float(self.range_m.min())} must be > 0")
+        if np.any(self.range_m < 1.0):
+            raise ValueError(f"range_m={float(self.range_m.min())} must be >= 1")
         for name in ("along_sigma_s", "cross_sigma_m"):
             if not getattr(self, name) >= 0.0:
                 raise ValueError(f"{name}={getattr(self, name)} must be >= 0")

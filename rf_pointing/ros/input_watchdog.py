@@ -48,8 +48,7 @@ RECEIVED_S, PROVED_S, BY_FEW_S = 5.0, 5.0, 10.0
 """A neighbour counts as received for so long after its last message; what most others have received
 all the time for longer, and this node has not, is lost here; or one other, for longer still."""
 FEWEST = 2
-LOOK_S, NEW_LOOKS = 1.0, 10
-"""A look proves no more than its period: where looks come late, all else may be late, too."""
+LOOK_S, NEW_LOOKS = 1.0, 10  # A look proves its period only: where it is late, all else may be.
 MOVING = "pointing_controller antenna_servo"
 SHARED_S = 0.9  # Nodes of a process look at the graph together: among many antennas a look is long.
 _shared = WeakKeyDictionary[Any, tuple[float, set[str]]]()
@@ -114,8 +113,7 @@ class InputWatchdog:
         self._neighbours: dict[str, _Neighbour] = {}
         self._inputs, self._required = list[_Input](), dict[str, float]()
         self._looked: tuple[float, float] | None = None
-        self._looks = 0
-        self._readable, self._unreadable_s = False, 0.0
+        self._looks, self._readable, self._unreadable_s = 0, False, 0.0
         self._lost_s, self._mute_s = dict[str, float](), dict[str, float]()
         self.deaf = ""
         node.create_subscription(DiagnosticArray, TOPIC, self.note, STREAM, raw=True)
@@ -200,10 +198,7 @@ class InputWatchdog:
             self._end(f"nothing has been received from {', '.join(silent)} for {min(silent.values()):.0f} s")
         if unseen_s:  # Others have not received it meanwhile, which proves nothing either.
             self._lost_s, self._mute_s = {}, {}
-        proved_s = min(passed_s, LOOK_S)
-        if known := self._looks > NEW_LOOKS:
-            self._compare(now_s, proved_s)
-        self._read_names(proved_s)
+        self._compare(now_s, min(passed_s, LOOK_S))
         for watched in self._inputs:
             self._look_at(watched, passed_s - unseen_s, max(node_passed_s, 0.0))
         if self.deaf:
@@ -211,11 +206,20 @@ class InputWatchdog:
         words = "; ".join(f"{name} has been silent for {since_s:.0f} s" for name, since_s in silent.items())
         since_s = {name: now_s - one.taken_s for name, one in self._neighbours.items()}
         received = [f"{name} " for name, silence_s in since_s.items() if silence_s < RECEIVED_S]
-        values = {"received": "".join(received)} if known else {}
+        values = {"received": "".join(received)} if self._looks > NEW_LOOKS else {}
         return Health(WARN if words else OK, words or f"{len(self._neighbours)} neighbours", values)
 
     def _compare(self, now_s: float, passed_s: float) -> None:
-        """Compare with whom the neighbours receive."""
+        """Compare with whom the neighbours receive, and note how long the graph cannot be read."""
+        # A stranger may have a name that never could be read: a new start would not help.
+        damaged = TOPIC in self._node.damaged_topics
+        self._readable |= not damaged
+        self._unreadable_s = self._unreadable_s + passed_s if damaged and self._readable else 0.0
+        if self._unreadable_s > INPUT_SILENCE_S:
+            long_s = self._unreadable_s
+            self._end(f"the names of the senders of {TOPIC} have been damaged for {long_s:.0f} s")
+        if self._looks <= NEW_LOOKS:
+            return
         recent = [one for one in self._neighbours.values() if now_s - one.heard_s < RECENT_S]
         others = [one.received for one in recent if one.received is not None]
         before_s, known = now_s - RECEIVED_S, self._neighbours
@@ -247,16 +251,6 @@ class InputWatchdog:
         in_vain = [name for name in mute if passes(name, self._own) and not passes(self._own, name)]
         if len(others) >= FEWEST and (2 * len(mute) > len(others) or in_vain):
             self._end(f"{', '.join(mute)} has not received this node for {RECEIVED_S + PROVED_S:.0f} s")
-
-    def _read_names(self, passed_s: float) -> None:
-        """Note how long the graph cannot be read."""
-        # A stranger may have a name that never could be read: a new start would not help.
-        damaged = TOPIC in self._node.damaged_topics
-        self._readable |= not damaged
-        self._unreadable_s = self._unreadable_s + passed_s if damaged and self._readable else 0.0
-        if self._unreadable_s > INPUT_SILENCE_S:
-            long_s = self._unreadable_s
-            self._end(f"the names of the senders of {TOPIC} have been damaged for {long_s:.0f} s")
 
     def _passes(self, sender: str, taker: str) -> bool:
         """Return whether one of two nodes takes another topic of the other than those of all."""

@@ -27,7 +27,7 @@ from typing import Any
 
 import rclpy
 from rclpy.action import ActionClient, ActionServer
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.impl import rcutils_logger
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
@@ -364,24 +364,6 @@ class HangWatch:
         """Give the end of nodes and process its time; Python itself ends the watch."""
         self._patience_s = min(START_OR_END_S, self._patience_s)
         self._arm(self._patience_s)
-
-
-def spin_watched(node: Any) -> None:
-    """Turn a node of another class than ManagedNode, a driver for example, until its context ends.
-
-    The process ends with `DEAF` where a thread of DDS hangs: its launch file starts it again.
-    """
-    watch, executor = HangWatch(), make_executor(node.context)
-    executor.add_node(node)
-    watch.begin(spin_watched.__code__)
-    with suppress(KeyboardInterrupt, ExternalShutdownException):
-        while node.context.ok():
-            # A message that was damaged cannot be read.
-            with suppress(ValueError):
-                executor.spin_once(timeout_sec=LONGEST_WAIT_S)
-            if hung := watch.come_round():
-                say(node.get_name(), f"the node ends, and must be started again: {hung}", "FATAL")
-                leave(DEAF)
 
 
 def hung_thread(waited: dict[str, tuple[str, int]]) -> str:

@@ -53,11 +53,6 @@ class ParameterGroups:
         """
         self._station, self.station_key = values, key
 
-    def declare_all(self, **groups: Params) -> None:
-        """Declare sets by their prefix, none of them live."""
-        for prefix, defaults in groups.items():
-            self.declare(prefix, defaults)
-
     def declare(
         self, prefix: str, defaults: Params, *, live: bool | Collection[str] = False, group: str | None = None
     ) -> None:

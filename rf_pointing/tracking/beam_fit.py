@@ -202,11 +202,9 @@ def fit_beam(design: BeamDesign, power_w: Array, noise_w: Array) -> LikelihoodFi
     scale = design.half_power_beamwidth_rad
     misfit = weighted - weight
     return LikelihoodFit(
-        scale * (solution + 0.5 * bias)[..., 1:3],
-        scale**2 * bound[..., 1:3, 1:3],
-        _dot(misfit, misfit / weight) / (len(columns) - unknowns),
-        np.asarray(length2 < STEP_TOLERANCE2),
-    )
+        scale * (solution + 0.5 * bias)[..., 1:3], scale**2 * bound[..., 1:3, 1:3],
+        _dot(misfit, misfit / weight) / (len(columns) - unknowns), np.asarray(length2 < STEP_TOLERANCE2),
+    )  # fmt: skip
 
 
 def _apply(matrix: Array, vector: Array) -> Array:

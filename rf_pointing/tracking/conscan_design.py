@@ -106,15 +106,14 @@ def conscan_of_band(of: BandNumbers) -> Rows:
         "period_s": tuned(period_s, "4 s, longer where a quarter of the rate or 0.3 of the acceleration is reached"),
         "ramp_s": tuned(0.5 * period_s, "half a turn"),
         "window_samples": tuned(2 * turn, "two turns"),
-        "fewest_samples": tuned(turn, "one turn"),
-        "updates": tuned("sample", "a sliding window"),
+        "fewest_samples": tuned(turn, "one turn"), "updates": tuned("sample", "a sliding window"),
         "drift": tuned(True, "the carrier changes along a pass"),
         "unmodelled_deg": tuned(unmodelled, "0.001 deg, at least the rms of an encoder step"),
         "misfit_limit": tuned(20.0, "wind and fading are not noise of the receiver"),
         "bandwidth_hz": tuned(0.4 / period_s, "0.4 / period"),
         "sample_s": Value(sample_s, "receiver.power_period_s"),
         "delay_s": Value(of.delay_s, "receiver.delay_s"),
-    }
+    }  # fmt: skip
 
 
 def scan_for_accuracy(

@@ -98,18 +98,11 @@ def test_a_field_without_a_description_is_refused() -> None:
 @pytest.mark.parametrize(
     ("name", "unit"),
     [
-        ("rate_rad_s", "rad/s"),
-        ("jerk_rad_s3", "rad/s^3"),
-        ("rate_deg_s", "deg/s"),
-        ("height_m", "m"),
-        ("speed_m_s", "m/s"),
-        ("level_db_hz", "dB-Hz"),
-        ("area_m2", "m^2"),
-        ("period_s", "s"),
-        ("word_bits", "bit"),
-        ("gain", "1"),
+        ("rate_rad_s", "rad/s"), ("jerk_rad_s3", "rad/s^3"), ("rate_deg_s", "deg/s"), ("height_m", "m"),
+        ("speed_m_s", "m/s"), ("level_db_hz", "dB-Hz"), ("area_m2", "m^2"), ("period_s", "s"),
+        ("word_bits", "bit"), ("gain", "1"),
     ],
-)
+)  # fmt: skip
 def test_the_unit_is_the_end_of_the_name(name: str, unit: str) -> None:
     assert parameter_unit(name) == unit
 

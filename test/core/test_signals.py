@@ -28,6 +28,8 @@ def test_a_target_with_a_number_that_is_not_finite_is_refused_by_its_name(name: 
     Target(**TARGET)
     with pytest.raises(ValueError, match=f"^{name}={bad} must be finite$"):
         Target(**{**TARGET, name: bad})
+    with pytest.raises(ValueError, match=r"^range_m=-1e-153 must be >= 1\.0$"):
+        Target(**{**TARGET, "range_m": -1e-153})
 
 
 @pytest.mark.parametrize("name", ["position_rad", "velocity_rad_s"])

@@ -136,8 +136,8 @@ def night(tmp_path_factory: pytest.TempPathFactory, ros_domain: int) -> Any:
         live.spin_until(lambda: watch.look() >= 0.0 and one.statuses > 0, "the executive")
         one.back_s, one.after = watch.net_s, one.status
         one.commander_modes = one.tracking.mode
-        deadline_s = time.monotonic() + 240.0
-        while one.status.state != "idle" and time.monotonic() < deadline_s:
+        began_s = time.monotonic()
+        while one.status.state != "idle" and within(time.monotonic() - began_s, 240.0):
             live.executor.spin_once(timeout_sec=0.1)
         assert one.status.state == "idle", one.status.reason
         one.wall_s = time.monotonic() - began_s

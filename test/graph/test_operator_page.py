@@ -26,6 +26,7 @@ from rf_pointing.report.night_report import write_night
 from rf_pointing.ros.graph import NODES
 from rf_pointing.ros.qos import LATCHED, STATUS, STREAM
 from rf_pointing.ros.stamps import stamp_from_seconds
+from test.conftest import within
 from test.report.test_night_report import bad_night
 
 from .conftest import free_port, live_graph
@@ -75,9 +76,9 @@ class Browser:
         self.driver.find_element(By.CSS_SELECTOR, selector).click()
 
     def until(self, condition: Callable[[], Any], what: str, patience_s: float = WAIT_S) -> None:
-        deadline_s = time.monotonic() + patience_s
+        began_s = time.monotonic()
         while not condition():
-            assert time.monotonic() < deadline_s, f"waited {patience_s:.0f} s for {what}"
+            assert within(time.monotonic() - began_s, patience_s), f"waited {patience_s:.0f} s for {what}"
             self.station.live.executor.spin_once(timeout_sec=0.02)
 
     def post(self, name: str, /, token: str = TOKEN, **arguments: Any) -> requests.Response:

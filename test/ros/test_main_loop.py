@@ -346,7 +346,9 @@ def test_a_wait_for_events_that_does_not_end_ends_the_process_and_long_work_does
 
 
 OWN_NODE = "main_loop.run(lambda: [thread.start(), managed.ManagedNode('made')][1])"
-DRIVER = "rclpy.init()\nthread.start()\nmain_loop.spin_watched(rclpy.create_node('driver'))"
+DRIVER = (
+    "from rf_pointing.ros import driver_node as d; rclpy.init(); thread.start(); d.spin_watched(rclpy.create_node('d'))"
+)
 
 
 @pytest.mark.parametrize(

@@ -25,7 +25,7 @@ from rf_pointing.array_sensors.doa.attitude_start import StartParams
 from rf_pointing.array_sensors.doa.estimator import DoaEstimatorParams
 from rf_pointing.array_sensors.doa.innovation_watch import WatchParams
 from rf_pointing.array_sensors.nodes import convert
-from rf_pointing.array_sensors.nodes.input_outcomes import InputOutcomes
+from rf_pointing.array_sensors.nodes.shared import InputOutcomes, declare
 from rf_pointing.ros.main_loop import run
 from rf_pointing.ros.managed import ManagedNode
 from rf_pointing.ros.qos import STREAM
@@ -40,9 +40,9 @@ class DoaAttitudeNode(ManagedNode):
 
     def __init__(self) -> None:
         super().__init__("doa_attitude")
-        self.parameters.declare_all(
-            array=CircularArrayParams(), estimator=DoaEstimatorParams(), response=ResponseParams(),
-            **scene_params(SunSynchronousOrbitParams()), satellite=SatelliteParams(),
+        declare(
+            self, array=CircularArrayParams(), estimator=DoaEstimatorParams(),
+            response=ResponseParams(), **scene_params(SunSynchronousOrbitParams()), satellite=SatelliteParams(),
             filter=DoaAttitudeParams(), start=StartParams(), noise=ProcessNoiseParams(),
             gate=GateParams(), watch=WatchParams(), chain=DoaChainParams(),
         )  # fmt: skip

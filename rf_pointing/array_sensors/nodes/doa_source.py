@@ -22,7 +22,7 @@ from rf_pointing.array_sensors.doa.array_source import ArraySourceParams
 from rf_pointing.array_sensors.doa.simulated_doa import DoaScenarioParams, SimulatedDoa
 from rf_pointing.array_sensors.doa.simulated_satellite import NadirHoldParams
 from rf_pointing.array_sensors.nodes import convert
-from rf_pointing.array_sensors.nodes.input_outcomes import InputOutcomes
+from rf_pointing.array_sensors.nodes.shared import InputOutcomes, declare
 from rf_pointing.core import Params, parameter
 from rf_pointing.ros.main_loop import run
 from rf_pointing.ros.managed import ManagedNode
@@ -42,8 +42,8 @@ class DoaSource(ManagedNode):
 
     def __init__(self) -> None:
         super().__init__("doa_source")
-        self.parameters.declare_all(
-            source=BlockParams(), array=CircularArrayParams(), receiver=ArraySourceParams(),
+        declare(
+            self, source=BlockParams(), array=CircularArrayParams(), receiver=ArraySourceParams(),
             response=ResponseParams(), **scene_params(SunSynchronousOrbitParams()),
             satellite=SatelliteParams(), scenario=DoaScenarioParams(), hold=NadirHoldParams(),
             disturbance=ProcessNoiseParams(),

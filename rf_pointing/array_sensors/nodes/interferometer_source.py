@@ -23,7 +23,7 @@ from rf_pointing.array_sensors.interferometer.system import (
     Schedule,
 )
 from rf_pointing.array_sensors.nodes import convert
-from rf_pointing.array_sensors.nodes.input_outcomes import InputOutcomes
+from rf_pointing.array_sensors.nodes.shared import InputOutcomes, declare
 from rf_pointing.core import Params, parameter
 from rf_pointing.ros.main_loop import run
 from rf_pointing.ros.managed import ManagedNode
@@ -43,9 +43,9 @@ class InterferometerSourceNode(ManagedNode):
 
     def __init__(self) -> None:
         super().__init__("interferometer_source")
-        self.parameters.declare_all(
-            source=SequenceTiming(), arrays=ArrayParams(), plan=CarrierPlan(), schedule=Schedule(),
-            radio=RadioParams(), link=LinkParams(), approach=DockingApproach(),
+        declare(
+            self, source=SequenceTiming(), arrays=ArrayParams(), plan=CarrierPlan(),
+            schedule=Schedule(), radio=RadioParams(), link=LinkParams(), approach=DockingApproach(),
         )  # fmt: skip
         self._simulated: SimulatedDocking | None = None
         self._sequences = InputOutcomes()

@@ -28,7 +28,7 @@ from rf_pointing.array_sensors.interferometer.tracker import (
     TrackerParams,
 )
 from rf_pointing.array_sensors.nodes import convert
-from rf_pointing.array_sensors.nodes.input_outcomes import InputOutcomes
+from rf_pointing.array_sensors.nodes.shared import InputOutcomes, declare
 from rf_pointing.core import Params, parameter
 from rf_pointing.ros.main_loop import run
 from rf_pointing.ros.managed import ManagedNode
@@ -49,8 +49,8 @@ class InterferometerTrackerNode(ManagedNode):
 
     def __init__(self) -> None:
         super().__init__("interferometer_tracker")
-        self.parameters.declare_all(
-            tracking=TrackingParams(), arrays=ArrayParams(), plan=CarrierPlan(),
+        declare(
+            self, tracking=TrackingParams(), arrays=ArrayParams(), plan=CarrierPlan(),
             schedule=Schedule(), tracker=TrackerParams(), filter=FilterParams(), floor=ErrorFloor(),
             radio=RadioParams(), link=LinkParams(),
         )  # fmt: skip

@@ -9,7 +9,7 @@ from rf_pointing_msgs.msg import Attitude, TripulseMeasurement
 
 from rf_pointing.array_sensors.attitude.pass_scene import pass_scene, scene_params
 from rf_pointing.array_sensors.nodes import convert
-from rf_pointing.array_sensors.nodes.input_outcomes import InputOutcomes
+from rf_pointing.array_sensors.nodes.shared import InputOutcomes, declare
 from rf_pointing.array_sensors.tripulse.geostationary_scene import GeostationaryParams
 from rf_pointing.array_sensors.tripulse.station_attitude import StationAttitudeParams
 from rf_pointing.array_sensors.tripulse.system import EpochParams, TripulseAttitude, attitude_report
@@ -23,7 +23,8 @@ class TripulseAttitudeNode(ManagedNode):
 
     def __init__(self) -> None:
         super().__init__("tripulse_attitude")
-        self.parameters.declare_all(
+        declare(
+            self,
             attitude=StationAttitudeParams(),
             epochs=EpochParams(),
             **scene_params(GeostationaryParams()),

@@ -12,7 +12,7 @@ from pathlib import PurePosixPath
 from rf_pointing_msgs.msg import TripulseFrame, TripulseMeasurement
 
 from rf_pointing.array_sensors.nodes import convert
-from rf_pointing.array_sensors.nodes.input_outcomes import InputOutcomes
+from rf_pointing.array_sensors.nodes.shared import InputOutcomes, declare
 from rf_pointing.array_sensors.tripulse.array import TripulseArrayParams
 from rf_pointing.array_sensors.tripulse.receiver import TripulseReceiver, TripulseReceiverParams
 from rf_pointing.array_sensors.tripulse.signal import TripulseSignalParams
@@ -35,9 +35,9 @@ class TripulseReceiverNode(ManagedNode):
 
     def __init__(self) -> None:
         super().__init__("tripulse_receiver")
-        self.parameters.declare_all(
-            station=StationParams(), receiver=TripulseReceiverParams(), array=TripulseArrayParams(),
-            signal=TripulseSignalParams(), tracker=TrackerParams(),
+        declare(
+            self, station=StationParams(), receiver=TripulseReceiverParams(),
+            array=TripulseArrayParams(), signal=TripulseSignalParams(), tracker=TrackerParams(),
         )  # fmt: skip
         self._receiver: TripulseReceiver | None = None
         self._station = ""

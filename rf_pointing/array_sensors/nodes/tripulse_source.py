@@ -13,7 +13,7 @@ from rf_pointing_msgs.msg import TripulseFrame
 
 from rf_pointing.array_sensors.attitude.pass_scene import pass_scene, scene_params
 from rf_pointing.array_sensors.nodes import convert
-from rf_pointing.array_sensors.nodes.input_outcomes import InputOutcomes
+from rf_pointing.array_sensors.nodes.shared import InputOutcomes, declare
 from rf_pointing.array_sensors.tripulse.array import TripulseArrayParams
 from rf_pointing.array_sensors.tripulse.geostationary_scene import GeostationaryParams, WobbleParams
 from rf_pointing.array_sensors.tripulse.signal import TripulseSignalParams
@@ -41,9 +41,9 @@ class TripulseSourceNode(ManagedNode):
 
     def __init__(self) -> None:
         super().__init__("tripulse_source")
-        self.parameters.declare_all(
-            source=SendingParams(), array=TripulseArrayParams(), signal=TripulseSignalParams(),
-            link=TripulseSourceParams(), **scene_params(GeostationaryParams()),
+        declare(
+            self, source=SendingParams(), array=TripulseArrayParams(),
+            signal=TripulseSignalParams(), link=TripulseSourceParams(), **scene_params(GeostationaryParams()),
             wobble=WobbleParams(),
         )  # fmt: skip
         self._simulated: SimulatedTripulse | None = None

@@ -48,9 +48,7 @@ def antenna_servo(of: Band) -> Derived:
             "start_elevation_deg": Value(start[1], "simulation.start_deg"),
             "lag_averaging_s": axes.lag_averaging(of),
         },
-        "drive": axes.drive(of),
-        "plant": plant,
-        "loops": loops,
+        "drive": axes.drive(of), "plant": plant, "loops": loops,
         "wind": wind | {"dish_diameter_m": Value(of.wind_diameter_m, "dish.diameter_m", "1 m without a dish")},
         "mount": axes.mount_errors(of),
         "base_motion": {name: Value(value, f"simulation.base.{name}")

@@ -1,6 +1,6 @@
 """What became of a node's input is counted, and the reason of a refusal is not forgotten."""
 
-from rf_pointing.array_sensors.nodes.input_outcomes import InputOutcomes
+from rf_pointing.array_sensors.nodes.shared import InputOutcomes
 from rf_pointing.ros.diagnostics import OK, WARN
 
 

@@ -1,8 +1,16 @@
-"""Counts of the messages that a node received: used, invalid or rejected."""
+"""All nodes share this: the declaration of parameters, and counts of received messages."""
 
 from collections.abc import Callable
 
+from rf_pointing.core import Params
 from rf_pointing.ros.diagnostics import OK, WARN, Health
+from rf_pointing.ros.managed import ManagedNode
+
+
+def declare(node: ManagedNode, **groups: Params) -> None:
+    """Declare sets of parameters by their prefix."""
+    for prefix, defaults in groups.items():
+        node.parameters.declare(prefix, defaults)
 
 
 class InputOutcomes:
