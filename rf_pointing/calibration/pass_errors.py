@@ -23,7 +23,7 @@ from rf_pointing.calibration.observations import Observations
 from rf_pointing.calibration.reference import ReferenceTrack
 from rf_pointing.calibration.terms import numbered
 from rf_pointing.core import LEVEL, Kinematics, Params, azel_from_unit_vector, parameter, wrap_rad
-from rf_pointing.core.types import Array, IntArray, Pair
+from rf_pointing.core.types import Array, BoolArray, IntArray, Pair
 
 _EARTH_RADIUS_M = 6.371e6
 _EARTH_RATE_RAD_S = 7.2921e-5
@@ -31,7 +31,7 @@ _GRAVITY_M3_S2 = 3.986004418e14
 # Angular rate of a revolution in 105 min.
 LOW_ORBIT_RATE_RAD_S = 1e-3
 _OBLATENESS, _EQUATOR_M, _FLATTENING = 1.0826e-3, 6.378e6, 1.0 / 298.257
-_TURN_PER_STEP_RAD = 0.05
+_TURN_PER_STEP_RAD, _NEAREST_MOON_M = 0.05, 3.5e8
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -353,6 +353,11 @@ class _Sight:
         """The rate (n,) of a circular orbit of this height."""
         return np.asarray(np.sqrt(_GRAVITY_M3_S2 / np.linalg.norm(self.geocentric_m, axis=1) ** 3))
 
+    @cached_property
+    def in_orbit(self) -> BoolArray:
+        """Whether a target (n,) is nearer than the Moon: what is not has no error of an orbit."""
+        return np.asarray(self.range_m < _NEAREST_MOON_M)
+
     def shift(self, displacement_m: Any) -> Array:
         """Return by what azimuth and elevation (2, n) change when the target moves (n, 3)."""
         _, clockwise, upward = self.axes
@@ -365,7 +370,7 @@ class _Sight:
 
 def _orbit_columns(elapsed_s: Array, sight: _Sight) -> dict[str, Array]:
     """Return the shifts (2, n) by a unit of each error."""
-    unit = [sight.shift(axis) for axis in sight.track_axes]
+    unit = [sight.in_orbit * sight.shift(axis) for axis in sight.track_axes]
     return {
         name: np.asarray(sum(share * one for share, one in zip(shares, unit, strict=True)))
         for name, shares in _displacements(elapsed_s, sight.orbit_rate_rad_s).items()
@@ -398,7 +403,7 @@ def displaced(track: ReferenceTrack, errors: PassErrors) -> ReferenceTrack:
     metres = np.zeros((len(track.t_s), 3))
     for name, value in errors.values.items():
         for share, axis in zip(shares.get(name, ()), sight.track_axes, strict=False):
-            metres = metres + value * share[:, np.newaxis] * axis
+            metres = metres + value * (sight.in_orbit * share)[:, np.newaxis] * axis
     return _moved(track, sight, metres, errors.values.get("clock_s", 0.0))
 
 

@@ -82,6 +82,7 @@ def test_examples_need_nothing_else() -> None:
             # A node of another stack that commands the antenna signs as ours do.
             "follow_joint_trajectory.py": {"rf_pointing.ros.signed_commands", "rf_pointing.station.parameters"},
             "own_receiver.py": {"rf_pointing.receiver"},
+            "topic_drive_node.py": {"rf_pointing.ros.driver_node"},
             "own_tracker.py": {
                 "rf_pointing.core",
                 "rf_pointing.core.signals",

@@ -97,6 +97,13 @@ def test_a_track_seen_from_elsewhere_is_that_of_a_site_there():
     assert np.max(np.abs(seen.range_m - other.range_m)) < 0.02 * np.linalg.norm(away_m)
 
 
+def test_the_moon_and_beyond_have_no_error_of_an_orbit(campaign, table_1):
+    data = campaign(table_1, passes=2)
+    near, far = (replace(data, range_m=np.full(len(data), range_m)) for range_m in (3e8, 3.6e8))
+    assert np.abs(pass_partials(near, ("radial_drift_m_s",))[1]).max() > 1e-4
+    assert not np.any(pass_partials(far, PassPriors.of_orbit(1.0).names))
+
+
 def test_orbit_errors_without_range_are_refused(campaign, table_1):
     data = replace(campaign(table_1, passes=2), range_m=None)
     with pytest.raises(ValueError, match="range_m=None"):

@@ -132,7 +132,7 @@ def test_a_viewer_sees_beam_target_mask_pass_and_sun(view: Callable[..., Any]) -
     bench.give("joint_states", convert.joints_to_message(reading))
     # Published ahead of its time: only the first one is of now.
     for ahead_s, azimuth in ((0.1, 0.3), (30.0, 0.9)):
-        message = Target(target="BIRD", azimuth=azimuth, elevation=0.7)
+        message = Target(target="BIRD", azimuth=azimuth, elevation=0.7, range=1e6)
         message.header.stamp = stamp_from_seconds(bench.t_s + ahead_s)
         bench.give("target", message)
     bench.run(0.2)

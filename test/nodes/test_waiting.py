@@ -86,7 +86,8 @@ def test_a_node_alone_says_once_what_it_waits_for(kind: Any, make_bench: Callabl
     missing = re.sub(r" \([^)]*\)", "", WAITS[kind]).split(", ")
     while missing and set(missing) <= PLAIN:
         (topic,) = (each for each in TOPICS if each.name == missing[0])
-        bench.give(topic.name, topic.message_type(header=Header(stamp=stamp_from_seconds(bench.t_s))))
+        given = {"range": 1e6} if topic.name == "target" else {}
+        bench.give(topic.name, topic.message_type(header=Header(stamp=stamp_from_seconds(bench.t_s)), **given))
         del missing[0]
         found = re.sub(r" \([^)]*\)", "", bench.health("state").message)
         assert found == (f"waits for {', '.join(missing)}" if missing else "active")

@@ -132,7 +132,7 @@ def cluster(random: np.random.Generator, count: int = 5) -> MonopulseCluster:
 
 
 def test_a_target_carries_light_time_doppler_and_the_error_of_its_elements(random: np.random.Generator) -> None:
-    target = numbers(Target, random, t_s=T_S, name="bird")
+    target = numbers(Target, random, t_s=T_S, name="bird", range_m=9e5)
     shift = random.normal(size=(2, 3)) * 1e-4
     sky = SkyUncertainty(
         age_s=7200.0, along_track_rad=2e-4, cross_track_rad=1e-4, along_track_s=0.1, covariance_rad2=shift @ shift.T
@@ -170,7 +170,7 @@ def test_a_target_carries_light_time_doppler_and_the_error_of_its_elements(rando
 def test_an_impossible_uncertainty_is_refused_at_the_door(
     values: dict[str, object], refusal: str, random: np.random.Generator
 ) -> None:
-    message = convert.target_to_message(numbers(Target, random, t_s=T_S, name="bird"))
+    message = convert.target_to_message(numbers(Target, random, t_s=T_S, name="bird", range_m=9e5))
     message.covariance = [1e-6, 0.0, 0.0, 1e-6]
     for name, value in values.items():
         setattr(message, name, value)

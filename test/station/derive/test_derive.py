@@ -241,19 +241,15 @@ def test_what_a_parameter_file_may_name(node: str, names: list[str], said: str) 
 @pytest.mark.parametrize(
     ("name", "key"),
     [
-        ("wind.mean_speed_m_s", ""),
-        ("mount.droop_deg", ""),
-        ("antenna.seed", ""),
+        ("wind.mean_speed_m_s", ""), ("mount.droop_deg", ""), ("antenna.seed", ""),
         ("pointing.lag_averaging_s", "simulation.lag_averaging_s"),
-        ("source.site.latitude_deg", "site.latitude_deg"),
-        ("signal.dropouts.count", ""),
+        ("source.site.latitude_deg", "site.latitude_deg"), ("signal.dropouts.count", ""),
         ("wind.dish_diameter_m", "dish.diameter_m"),
         ("autotrack.carrier_on_db_hz", "tuning.autotrack.carrier_on_db_hz"),
-        ("conscan.misfit_limit", "tuning.conscan.misfit_limit"),
-        ("array.elements", "array.elements"),
+        ("conscan.misfit_limit", "tuning.conscan.misfit_limit"), ("array.elements", "array.elements"),
         ("no.such", ""),
     ],
-)
+)  # fmt: skip
 def test_a_trial_changes_what_only_the_simulation_knows(name: str, key: str) -> None:
     assert owner_of_name(name) == key
 
