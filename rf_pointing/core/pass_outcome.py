@@ -32,6 +32,7 @@ LOSS_OF_SIGNAL = "loss of signal"
 SCANNED = "the scan is complete"
 # The prefix that the controller gives to what the antenna publishes.
 OF_ANTENNA = "antenna fault: "
+NOT_OFFERED = "is not offered"  # of a node that is not there, or not there again
 
 
 def gaussian_gain(error_rad: ArrayLike, beamwidth_rad: ArrayLike) -> NDArray[np.float64]:

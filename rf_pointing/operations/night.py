@@ -13,7 +13,7 @@ from enum import StrEnum
 from typing import Any
 
 from rf_pointing.core import LEAST_SHARE, LOSS_OF_SIGNAL, OF_ANTENNA, Pair
-from rf_pointing.core.pass_outcome import SCANNED
+from rf_pointing.core.pass_outcome import NOT_OFFERED, SCANNED
 from rf_pointing.operations.alarms import Alarm, AlarmBook
 from rf_pointing.operations.executor import BlockRun, BlockState, Executor, JournalEntry, block_text
 from rf_pointing.operations.expected_state import ExpectedState
@@ -352,9 +352,9 @@ class Night:
         if work.failed_s is None:
             work.failed_s = now_s
             refused = self.expected_state.value("track.refused") or ""
-            # A fault with an alarm of its own says nothing about this pass.
-            faulty = self.expected_state.value("antenna.fault") or refused.startswith(OF_ANTENNA)
-            explained = effect != "continue" or faulty
+            # A fault with its own alarm says nothing of this pass, nor does a node that starts.
+            others = NOT_OFFERED in failed or refused.startswith(OF_ANTENNA)
+            explained = effect != "continue" or others or self.expected_state.value("antenna.fault")
             work.fruitless = 0 if work.counted[0] >= REJOIN_S else work.fruitless + (EXPLAINED if explained else 1.0)
             work.reasons.append(failed)
             work.count()

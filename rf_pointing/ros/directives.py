@@ -16,6 +16,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from rf_pointing.core import require_choice
+from rf_pointing.core.pass_outcome import NOT_OFFERED
 from rf_pointing.operations.dictionary import DirectiveRow
 from rf_pointing.ros.command_key import CommandKey, CommandKeyParams
 from rf_pointing.ros.leased_services import Caller
@@ -122,7 +123,7 @@ class DirectiveSender:
             client = self._clients[name]
             ready = client.server_is_ready if row.kind == "action" else client.service_is_ready
             if not ready():
-                raise ValueError(f"{row.kind} {row.address} is not offered")
+                raise ValueError(f"{row.kind} {row.address} {NOT_OFFERED}")
             if row.kind == "action":
                 goal = filled(type_of(row.type_name).Goal(), arguments)
                 self._wait(client.send_goal_async(goal), lambda handle: self._offered(number, name, handle))

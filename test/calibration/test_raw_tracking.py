@@ -31,20 +31,14 @@ def raw_of(reference, count=60, step_s=1.0, start_s=20.0, **changes):
     ("name", "value", "reason"),
     [
         ("azimuth_rad", 3.0 * PI + 1e-9, "angle out of range"),
-        ("azimuth_rad", -3.0 * PI - 1e-9, "angle out of range"),
-        ("azimuth_rad", 3.0 * PI - 1e-9, None),
-        ("elevation_rad", -0.5 * PI - 1e-9, "angle out of range"),
-        ("elevation_rad", -0.5 * PI + 1e-9, None),
-        ("elevation_rad", PI + 1e-9, "angle out of range"),
-        ("elevation_rad", PI - 1e-9, None),
-        ("range_m", 0.0, "angle out of range"),
-        ("range_m", -5.0, "angle out of range"),
-        ("range_m", 1e-3, None),
-        ("range_rate_m_s", np.inf, "not finite"),
-        ("t_s", np.nan, "not finite"),
+        ("azimuth_rad", -3.0 * PI - 1e-9, "angle out of range"), ("azimuth_rad", 3.0 * PI - 1e-9, None),
+        ("elevation_rad", -0.5 * PI - 1e-9, "angle out of range"), ("elevation_rad", -0.5 * PI + 1e-9, None),
+        ("elevation_rad", PI + 1e-9, "angle out of range"), ("elevation_rad", PI - 1e-9, None),
+        ("range_m", 0.0, "angle out of range"), ("range_m", -5.0, "angle out of range"),
+        ("range_m", 1e-3, None), ("range_rate_m_s", np.inf, "not finite"), ("t_s", np.nan, "not finite"),
         ("good", False, "flagged by the station"),
     ],
-)
+)  # fmt: skip
 def test_each_sample_that_is_not_sound_has_its_reason(track, name, value, reason):
     raw = raw_of(track(5.0), **{name: (17, value)})
     keep, report = validate(raw, track(5.0))

@@ -711,6 +711,18 @@ def test_attempts_are_five_seconds_apart_and_five_more_with_each_up_to_thirty() 
     assert one.night.records[0].reason == f"0 % of the pass was held, must be >= 80 %: {BROKE}"
 
 
+def test_a_pass_is_joined_within_seconds_of_the_start_of_a_controller_that_was_away_for_a_minute() -> None:
+    one = a_night()
+    one.answers = False
+    one.at(940.0)
+    for t_s in (940.5 + 0.5 * number for number in range(119)):
+        for number, name, _ in one.sent:
+            one.night.respond(number, name != "track", "action track_pass is not offered", t_s)
+        one.at(t_s)
+    one.answers = True
+    assert any("track" in one.at(1000.0 + 0.5 * k) for k in range(20))
+
+
 @pytest.mark.parametrize("why", ["a.trouble", "paused", "a.broken", "antenna.mode", "tracking.mode"])
 def test_no_attempt_begins_while_something_speaks_against_it(why: str) -> None:
     one = failing()

@@ -15,20 +15,12 @@ HILLS = HorizonMask(azimuth_rad=(0.0, 0.9, 1.0, 1.1), elevation_rad=(0.1, 0.1, 0
 @pytest.mark.parametrize(
     ("low", "high", "sun", "margin", "clear"),
     [
-        (0.301, 1.5, None, 0.0, True),
-        (0.299, 1.5, None, 0.0, False),
-        (0.301, 1.58, None, 0.0, False),
-        (0.301, 0.549, SUN, 0.0, True),
-        (0.301, 0.551, SUN, 0.0, False),
-        (0.301, 0.541, SUN, 0.01, False),
-        (0.301, 0.539, SUN, 0.01, True),
-        (0.651, 1.5, SUN, 0.0, True),
-        (0.649, 1.5, SUN, 0.0, False),
-        (0.659, 1.5, SUN, 0.01, False),
-        (0.661, 1.5, SUN, 0.01, True),
-        (0.301, 1.5, SUN, 0.0, False),
+        (0.301, 1.5, None, 0.0, True), (0.299, 1.5, None, 0.0, False), (0.301, 1.58, None, 0.0, False),
+        (0.301, 0.549, SUN, 0.0, True), (0.301, 0.551, SUN, 0.0, False), (0.301, 0.541, SUN, 0.01, False),
+        (0.301, 0.539, SUN, 0.01, True), (0.651, 1.5, SUN, 0.0, True), (0.649, 1.5, SUN, 0.0, False),
+        (0.659, 1.5, SUN, 0.01, False), (0.661, 1.5, SUN, 0.01, True), (0.301, 1.5, SUN, 0.0, False),
     ],
-)
+)  # fmt: skip
 def test_elevations_above_all_hills_and_beside_the_sun_are_clear_at_every_azimuth(
     low: float, high: float, sun: tuple[float, float] | None, margin: float, clear: bool
 ) -> None:

@@ -136,9 +136,7 @@ def _axis(structure: str, reference: AxisParams, scale: float, axis: MountAxis, 
     if bandwidth != reference.drive_bandwidth_rad_s:
         per_gain = bandwidth / (2.0 * math.pi * reference.amplifier_gain)
     return reference.replace(
-        drive_bandwidth_per_gain_hz=per_gain,
-        inertia_kg_m2=inertia,
-        gear_stiffness_n_m=gear,
+        drive_bandwidth_per_gain_hz=per_gain, inertia_kg_m2=inertia, gear_stiffness_n_m=gear,
         backlash_rad=backlash,
         countertorque_n_m=0.0 if stiff else 0.01 * inertia,
         coulomb_friction_n_m=2.5e-5 * inertia,
@@ -152,7 +150,7 @@ def _axis(structure: str, reference: AxisParams, scale: float, axis: MountAxis, 
         encoder_bits=axis.encoder_bits,
         # A coarse encoder repeats itself within a fraction of its step, a fine one within one.
         encoder_noise_rad=min(2.0 * math.pi / 2**axis.encoder_bits, COARSE_NOISE_RAD),
-    )
+    )  # fmt: skip
 
 
 def position_loops(
