@@ -355,7 +355,7 @@ class _Sight:
 
     @cached_property
     def in_orbit(self) -> BoolArray:
-        """Whether a target (n,) is nearer than the Moon: what is not has no error of an orbit."""
+        """Whether a target (n,) is nearer than the Moon: only satellites have errors of orbits."""
         return np.asarray(self.range_m < _NEAREST_MOON_M)
 
     def shift(self, displacement_m: Any) -> Array:

@@ -187,7 +187,7 @@ def test_nodes_that_are_new_find_each_other_slowly_and_prove_nothing() -> None:
 
 
 def test_a_look_that_comes_late_proves_no_more_than_one_in_time() -> None:
-    """Of a machine on which each second of work takes three."""
+    """On a busy machine each second of work takes three."""
     graph, late = Graph(), {"says": [RECEIVER, CALIBRATOR], "received": ALL_BUT}
     graph.run(15)
     for _ in range(6):
